@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import plain_table
+from benchmarks.common import drawn, plain_table
 from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario import Scenario
@@ -33,9 +33,8 @@ def started(scenario: Scenario, seeds: int) -> tuple[Floats, Floats]:
     The MSEE is the mean of squared errors of position and velocity of all steps so far; the bound's the same of
     what the posterior Cramer-Rao bound allows, which starts from all agents' guesses.
     """
-    runs = [scenario.changed(seed=FIRST + more) for more in range(seeds)]
     with np.errstate(all="ignore"):
-        traces = simulate(runs)
+        traces = simulate(drawn(scenario, seeds, FIRST))
     nees, errors, least = [], [], []
     kept = traces[0].plan.space.kept
     for trace, known in zip(traces, yardsticks(traces), strict=True):

@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import Row, below, plain_table, results
+from benchmarks.common import Row, below, drawn, plain_table, results
 from benchmarks.method_figures import FOLDER, STYLE, canvas, save
 from zenoh_cbef.analysis.figures import COLOURS
 from zenoh_cbef.analysis.metrics import analyze
@@ -95,8 +95,7 @@ def measured(keys: tuple[str, ...], rounds: int, setting: Setting, seeds: int = 
     loaded = load("tracking", [*keys, f"consensus.rounds={rounds}", *setting.keys])
     if (setting.precision.startswith("int") or setting.trigger) and not loaded.plan.sharing.blocks:
         return None
-    scenario = loaded.scenario
-    runs = analyze(simulate([scenario.changed(seed=FIRST + one) for one in range(seeds)]))
+    runs = analyze(simulate(drawn(loaded.scenario, seeds, FIRST)))
     told = [[pick(one.metrics, name) for one in runs] for name in ("position_rmse", "nees.average")]
     steps, silent = ([pick(one.metrics, name) for one in runs] for name in ("link_bytes_per_step", "silent"))
     dimension = next((one.metrics.nees.dimension for one in runs if one.metrics.nees), np.nan)

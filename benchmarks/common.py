@@ -13,12 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TypeVar
 
+import numpy as np
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.numbers import number
+from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 
@@ -73,10 +75,15 @@ def followed(parts: Sequence[Part], description: str) -> Iterable[Part]:
     return track(parts, description=description, console=Console(stderr=True), transient=True)
 
 
+def drawn(scenario: Scenario, seeds: int = SEEDS, first: int = 1) -> list[Scenario]:
+    """A scenario under so many seeds, from the first one on."""
+    return [scenario.changed(seed=seed) for seed in range(first, first + seeds)]
+
+
 def analyses(name: str, overrides: Sequence[str] = (), *, seeds: int = SEEDS) -> list[Analysis]:
-    """Simulate a scenario under seeds 1, 2, ..., as one batch, and analyse the runs."""
-    scenario = load(name, overrides).scenario
-    return analyze(simulate([scenario.changed(seed=seed) for seed in range(1, seeds + 1)]))
+    """Simulate and analyse a scenario under seeds 1, 2, ..., as one batch; a run that diverges shows in the figures."""
+    with np.errstate(all="ignore"):
+        return analyze(simulate(drawn(load(name, overrides).scenario, seeds)))
 
 
 class Children:

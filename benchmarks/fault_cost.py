@@ -12,7 +12,7 @@ from benchmarks.common import below, plain_table, results
 from zenoh_cbef.protocol.round_codec import RoundCodec
 from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of
 from zenoh_cbef.scenario.load import load
-from zenoh_cbef.tracking.ranging import Measurement, nobody
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 
 ROUNDS = 20_000
 _SENT = 1_700_000_000_000_000_000
@@ -24,7 +24,7 @@ class Rounds:
     def __init__(self) -> None:
         plan = load("tracking").plan
         self.tracker, self.neighbours = agent_tracker(plan, 0)
-        here = Measurement(np.zeros((1, 3)), np.array([5.0]), np.zeros(1), *nobody(1))
+        here = Measurement(np.zeros((1, 3)), np.array([5.0]), np.zeros(1), *no_neighbours(1))
         self.message = self.tracker.measure(here)
         self.outgoing = outgoing_of([plan], [0])
         self.codecs = [RoundCodec("run", f"agent/{one}", plan.message_size) for one in self.neighbours]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import plain_table
+from benchmarks.common import drawn, plain_table
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
@@ -39,8 +39,7 @@ HEADS = ("filter", "position RMSE", "/ centralised", "velocity / centralised", "
 def measured(kind: str, name: str, overrides: Sequence[str], seeds: int) -> list[str]:
     """One filter's row: medians over seeds."""
     plan = load(name, [f"filter.kind={kind}", *overrides]).plan
-    scenario = plan.scenario
-    runs = [scenario.changed(seed=seed) for seed in range(1, seeds + 1)]
+    runs = drawn(plan.scenario, seeds)
     began = time.process_time()
     with np.errstate(all="ignore"):  # What diverges shows in its numbers.
         traces = simulate(runs)
@@ -54,7 +53,7 @@ def measured(kind: str, name: str, overrides: Sequence[str], seeds: int) -> list
         _median([pick(one, "nees.average") / pick(one, "nees.dimension") for one in found]),
         _median([pick(one, "nis.average") / pick(one, "nis.dimension") for one in found]),
         f"{other_bytes(plan) + plan.rounds * round_bytes(plan):.0f}",
-        f"{1e6 * spent / (seeds * scenario.length * scenario.count):.0f} µs",
+        f"{1e6 * spent / (seeds * plan.scenario.length * plan.scenario.count):.0f} µs",
     ]
     return [f"`{kind}`", *cells]
 

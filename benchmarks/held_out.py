@@ -54,6 +54,13 @@ def _room(rng: np.random.Generator) -> Floats:
     return np.stack([x, y, z], axis=1)
 
 
+def _hall(rng: np.random.Generator) -> Floats:
+    """Eight anchors around a hall of 30 m by 30 m, near the ground and 3 m up in turn."""
+    del rng
+    x, y = np.array([0, 15, 30, 30, 30, 15, 0, 0]) * 1.0, np.array([0, 0, 0, 15, 30, 30, 30, 15]) * 1.0
+    return np.stack([x, y, np.where(np.arange(8) % 2, 0.2, 3.0)], axis=1)
+
+
 def _box(rng: np.random.Generator) -> Floats:
     """Four anchors at the corners of a box of 5 m by 2 m, at two heights."""
     del rng
@@ -76,6 +83,9 @@ KINDS = {
     ),
     "far from a small box": Kind(
         _box, (-25.0, 4.0, 1.0), (25.0, 45.0, 1.0), 1.2, 180.0, 0.1, (9.0, 10.0), 0.09, 0.05, 0.0, (0.006, 30.0), 1.0
+    ),
+    "drone": Kind(
+        _hall, (3.0, 3.0, 2.0), (27.0, 27.0, 9.0), 5.0, 120.0, 0.05, (9.0, 11.0), 0.1, 0.1, 0.05, (0.02, 3.0)
     ),
     "large field": Kind(
         _field, (-30.0, -25.0, 0.0), (30.0, 25.0, 0.0), 1.0, 400.0, 0.25, (1.1, 1.3), 1.5, 2.5, 0.4, (0.2, 4.0), 0.0

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import plain_table
+from benchmarks.common import drawn, plain_table
 from benchmarks.reach import groups
 from benchmarks.stress import FIRST, SEEDS, believed, cases, scenario_of
 from zenoh_cbef.analysis.faulted import honest_agents
@@ -34,7 +34,7 @@ def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]
     del repeats
     one = scenario_of(cases()[CASE])
     with np.errstate(all="ignore"):
-        traces = simulate([one.changed(seed=first + more) for more in range(seeds)])
+        traces = simulate(drawn(one, seeds, first))
         done = analyze([believed(trace) for trace in traces])
         parted = [each for each in done if len(_groups(each.trace)) > 1]
         rows = [_row(each, group) for each in parted for group in _groups(each.trace)]

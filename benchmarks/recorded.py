@@ -58,7 +58,6 @@ def run(repeats: int) -> Iterator[Table]:
             "dt": steps[0],
             "filter.range_std": range_std,
             "filter.planar_height": height,
-            "filter.acceleration_std": 1.0,
         }
         told = [factor * range_std for factor in WRONG]
         varied = [(key, value) for key, values in VARIED.items() for value in values or steps[1:]]

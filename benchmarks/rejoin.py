@@ -16,7 +16,7 @@ from typing import cast
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import ROOT, Row, below, results
+from benchmarks.common import ROOT, Row, below, drawn, results
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import read_trace
@@ -32,8 +32,7 @@ COMMAND = [sys.executable, "-m", "zenoh_cbef"]
 
 def simulated(fault: str) -> list[Trace]:
     """`tracking` with a fault, many seeds."""
-    first = load("tracking", [f"fault=[{{{fault}, {TIMES}}}]"]).scenario
-    return simulate([first.changed(seed=seed) for seed in range(1, SEEDS + 1)])
+    return simulate(drawn(load("tracking", [f"fault=[{{{fault}, {TIMES}}}]"]).scenario, SEEDS))
 
 
 def against_neighbours(trace: Trace, first: int) -> float:

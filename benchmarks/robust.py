@@ -7,14 +7,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import Row, below, results
-from zenoh_cbef.analysis.metrics import Analysis, analyze
+from benchmarks.common import Row, analyses, below, results
+from zenoh_cbef.analysis.metrics import Analysis
 from zenoh_cbef.analysis.summary import pick
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario import network
 from zenoh_cbef.scenario.load import load
-from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.reference import centralized_beliefs, each_step
@@ -50,13 +49,6 @@ PLAIN = ("consensus.isolate=false",)
 DENSE = ("agents.count=10", "network.probability=0.8")
 
 
-def runs_of(name: str, overrides: Sequence[str] = (), *, seeds: int = SEEDS) -> list[Analysis]:
-    """Simulate and analyse a scenario under seeds 1, 2, ..., as one batch; a run that diverges shows in the figures."""
-    scenario = load(name, overrides).scenario
-    with np.errstate(all="ignore"):
-        return analyze(simulate([scenario.changed(seed=seed) for seed in range(1, seeds + 1)]))
-
-
 def spread(values: Floats) -> str:
     """Median and worst."""
     return f"{number(float(np.median(values)))}, worst {number(float(values.max()))}"
@@ -69,12 +61,12 @@ def ratios(runs: Sequence[Analysis]) -> Floats:
 
 def liars(seeds: int = SEEDS) -> Iterator[Row]:
     """One agent of ten sends wrong values throughout; the other nine against a filter that has all ten ranges."""
-    clean = ratios(runs_of("tracking", [*DENSE, "consensus.trim=1"], seeds=seeds))
+    clean = ratios(analyses("tracking", [*DENSE, "consensus.trim=1"], seeds=seeds))
     yield Row("no liar, F = 1", spread(clean))
     for name, keys in LIES.items():
         fault = f'fault=[{{kind="byzantine", agents=[3], {keys}}}]'
         plain, trimmed = (
-            ratios(runs_of("tracking", [*DENSE, *PLAIN, f"consensus.trim={trim}", fault], seeds=seeds))
+            ratios(analyses("tracking", [*DENSE, *PLAIN, f"consensus.trim={trim}", fault], seeds=seeds))
             for trim in (0, 1)
         )
         worst = f", worst {number(float(trimmed.max()))}; without trimming {number(float(np.median(plain)))}"
@@ -89,7 +81,7 @@ def sparse_liars(seeds: int = SEEDS) -> Iterator[Row]:
     for name, keys in LIES.items():
         fault = f'fault=[{{kind="byzantine", agents=[3], {keys}}}]'
         for way, more in (("plain", PLAIN), ("F = 1", (*PLAIN, "consensus.trim=1")), ("isolated", ())):
-            runs = runs_of("tracking", [*more, fault], seeds=seeds)
+            runs = analyses("tracking", [*more, fault], seeds=seeds)
             ratio = np.array([run.metrics.position_rmse or np.inf for run in runs]) / _honest_central(runs)
             split = np.array([not _joined(run.trace.edges) for run in runs])
             note = f"; below 1.3 in {(ratio < 1.3).sum()}, the liar parts the others in {split.sum()}"
@@ -118,12 +110,12 @@ def _joined(edges: graph.Edges) -> bool:
 
 def outliers(seeds: int = SEEDS) -> Iterator[Row]:
     """Ranges too long by an exponential error of 5 m on average, against a centralised filter on clean ranges."""
-    plain = runs_of("outliers", ["sensor.outlier_probability=0.0", "filter.kind=icf"], seeds=seeds)
+    plain = analyses("outliers", ["sensor.outlier_probability=0.0", "filter.kind=icf"], seeds=seeds)
     clean = np.array([pick(run.metrics, "centralized.position_rmse") for run in plain])
     for share, limit, worst in ((0.1, 1.2, None), (0.3, 1.8, 4.0)):
         for saturation in ("redescending", "bounded"):
             keys = [f"sensor.outlier_probability={share}", f"filter.saturation={saturation}"]
-            runs = runs_of("outliers", keys, seeds=seeds)
+            runs = analyses("outliers", keys, seeds=seeds)
             factor = np.array([run.metrics.position_rmse or np.inf for run in runs]) / clean
             nees = float(np.median([pick(run.metrics, "nees.average") for run in runs]))
             name = f"{share:.0%} outliers, {saturation}"
@@ -144,7 +136,7 @@ def lost(seeds: int = SEEDS) -> Iterator[Row]:
                 GIVEN,
                 f"sensor.outlier_probability={share}",
             ]
-            runs = runs_of("tracking", [*keys, f"filter.recovery={recovery}"], seeds=seeds)
+            runs = analyses("tracking", [*keys, f"filter.recovery={recovery}"], seeds=seeds)
             error = np.array([np.sqrt((run.position_error**2).mean(axis=0)) for run in runs])
             name = f"{share:.0%} outliers, recovery = {recovery}"
             yield Row(f"{name}: after 3 s, m", spread(error[:, 29]))
@@ -155,7 +147,7 @@ def lost(seeds: int = SEEDS) -> Iterator[Row]:
 def cut_off(seeds: int = SEEDS) -> Iterator[Row]:
     """Agent 2 of six hears no other agent, and no other agent hears it, from 8 s to 20 s."""
     fault = 'fault=[{kind="loss", probability=1.0, links="agent:2", from=8.0, until=20.0}]'
-    runs, others = runs_of("tracking", [fault], seeds=seeds), [0, 1, 3, 4, 5]
+    runs, others = analyses("tracking", [fault], seeds=seeds), [0, 1, 3, 4, 5]
     yield Row("NEES while cut off (ideal 6)", spread(np.array([run.nees[2, 100:199].mean() for run in runs])))
     yield Row("NEES afterwards", spread(np.array([run.nees[2, 210:].mean() for run in runs])))
     for name, agents in (("the agent", [2]), ("the others", others)):
@@ -170,7 +162,7 @@ def wrong_receiver(seeds: int = SEEDS) -> Iterator[Row]:
             np.array(
                 [
                     run.position_error
-                    for run in runs_of("tracking", [keys, GIVEN, f"filter.distrust={value}"], seeds=seeds)
+                    for run in analyses("tracking", [keys, GIVEN, f"filter.distrust={value}"], seeds=seeds)
                 ]
             )
             for value in ("false", "true")
@@ -202,7 +194,7 @@ def late(seeds: int = SEEDS) -> Iterator[Row]:
 
 
 def _rmse(keys: Sequence[str], seeds: int) -> tuple[Floats, Floats]:
-    metrics = [run.metrics for run in runs_of("tracking", keys, seeds=seeds)]
+    metrics = [run.metrics for run in analyses("tracking", keys, seeds=seeds)]
     errors, nees = ([pick(one, name) for one in metrics] for name in ("position_rmse", "nees.average"))
     return np.array(errors), np.array(nees)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import plain_table
+from benchmarks.common import drawn, plain_table
 from benchmarks.stress import FIRST, cases, scenario_of
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.strong import strong
@@ -60,7 +60,7 @@ def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]
     for case in CASES:
         one = scenario_of(cases()[case])
         with np.errstate(all="ignore"):
-            traces = simulate([one.changed(seed=first + more) for more in range(seeds)])
+            traces = simulate(drawn(one, seeds, first))
             begin, steps = analyze(traces[:1])[0].first, len(traces[0].time)
             truth = np.stack([trace.truth for trace in traces])[:, begin:]
             said = [np.stack([getattr(trace, part)[0] for trace in traces]) for part in ("estimates", "covariances")]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import followed, plain_table
+from benchmarks.common import drawn, followed, plain_table
 from benchmarks.recorded import SETS, SETTINGS
 from zenoh_cbef.analysis.metrics import Analysis, analyze
 from zenoh_cbef.analysis.summary import pick
@@ -44,7 +44,7 @@ def run(repeats: int) -> Iterator[Table]:
 def _simulated() -> Table:
     rows: list[list[str]] = []
     for name, (scenario, *overrides) in followed(list(CASES.items()), "cases"):
-        traces = traces_of(scenario, overrides, SEEDS)
+        traces = simulate(drawn(load(scenario, overrides).scenario, SEEDS))
         lags = LAGS if name == "tracking" else (1.0, None)
         rows += [[name, _named(lag), *figures(with_lag(traces, lag))] for lag in lags]
     columns = ["case", "lag", "position", "velocity", "ratio", "worst", "NEES/d"]
@@ -65,7 +65,7 @@ def _recorded() -> Table:
         keys = {"path": SETS / name, "motion": "dataset"}
         overrides = [f"target.{key}={value}" for key, value in keys.items()]
         overrides += [f"dt={steps[0]}", f"filter.range_std={range_std}", f"filter.planar_height={height}"]
-        traces = traces_of("tracking", overrides, 1)
+        traces = simulate([load("tracking", [*overrides, "seed=1"]).scenario])
         found = [with_lag(traces, lag)[0].metrics for lag in lags]
         values = [pick(found[0], "position_rmse"), *(pick(one, "smoothed.position_rmse") for one in found)]
         ratio = pick(found[-1], "smoothed.ratio_to_centralized")
@@ -79,12 +79,6 @@ def _recorded() -> Table:
 
 def _named(lag: float | None) -> str:
     return "whole run" if lag is None else f"{lag:g} s"
-
-
-def traces_of(scenario: str, overrides: Sequence[str], seeds: int) -> list[Trace]:
-    """Simulated runs under seeds 1, 2, ..., as one batch."""
-    chosen = load(scenario, overrides).scenario
-    return simulate([chosen.changed(seed=seed) for seed in range(1, seeds + 1)])
 
 
 def with_lag(traces: Sequence[Trace], lag: float | None) -> list[Analysis]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from benchmarks.common import plain_table
+from benchmarks.common import drawn, plain_table
 from benchmarks.reach import reaches
 from zenoh_cbef.analysis.faulted import honest_agents
 from zenoh_cbef.analysis.metrics import Analysis, analyze
@@ -104,7 +104,7 @@ def scenario_of(case: Mapping[str, object], more: Sequence[str] = ()) -> Scenari
 
 def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int = FIRST) -> Scores:
     """Simulate and score the seeds of a case, from the first one on, as one batch."""
-    scenarios = [scenario.changed(seed=first + more) for more in range(seeds)]
+    scenarios = drawn(scenario, seeds, first)
     heard = [_heard(Plan(one), wrong) for one in scenarios]
     with np.errstate(all="ignore"):
         traces = [believed(trace) for trace in simulate(scenarios, heard=heard)]

@@ -1,10 +1,10 @@
 """Peer-to-peer target tracking with consensus filters over Zenoh.
 
 `import zenoh_cbef as zc` gives simulate, run, load, reestimate, scenario, live and Run (docs/api.md). Each is imported
-when it is first used, as every verb imports this file. So it imports next to nothing itself: Ctrl-C in here would be a
-traceback.
+when it is first used.
 """
 
+# Every verb imports this file, which imports next to nothing itself: Ctrl-C in here would be a traceback.
 from importlib import import_module
 
 TYPE_CHECKING = False  # as `typing` has it, which takes a while to import

@@ -1,12 +1,12 @@
-"""How numbers are written for people to read, and the limit of one that people give."""
+"""How numbers are written for people to read, and the shares of steps that errors leave out."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite
 
-MOST_SKIPPED = 0.99
-"""The largest share of steps that errors may leave out at the start."""
+SKIPPED, MOST_SKIPPED = 0.25, 0.99
+"""The share of steps that errors leave out at the start: without a word of the user, and at most."""
 
 
 def number(value: float | None, unit: str = "", *, nothing: str = "-") -> str:

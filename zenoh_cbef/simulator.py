@@ -20,7 +20,7 @@ from zenoh_cbef.trace import LinkCounts, Links, SmoothedPath, Trace, Traffic
 from zenoh_cbef.tracking.diagnostics import NAMES, Diagnostics
 from zenoh_cbef.tracking.graph import Neighbours
 from zenoh_cbef.tracking.newcomer import belief_from
-from zenoh_cbef.tracking.ranging import Measurement, nobody
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 from zenoh_cbef.tracking.smoothing import Smoothed
 from zenoh_cbef.tracking.tracker import Estimate
 
@@ -126,7 +126,7 @@ class Simulation:
             part[:, step - 1] for part in (self.heard.positions, self.heard.ranges, self.heard.age)
         )
         if not self.plan.sharing.uses_neighbour_ranges:
-            return Measurement(position, range_, age, *nobody(len(position)), step=step, agent=self._agents)
+            return Measurement(position, range_, age, *no_neighbours(len(position)), step=step, agent=self._agents)
         index, delivered = self.neighbours.index, self._delivered(step, 0)
         delivered = self.neighbours.present if delivered is None else delivered
         return Measurement(

@@ -93,6 +93,9 @@ def test_runs_are_found_tagged_compared_and_deleted(folder: Path) -> None:
     assert names("--result", "unknown") == []  # its log says what came of it
     assert names("--result", "lost", "--scenario", "cbef") == ["first"]
     assert (folder / "logs" / "first" / "metrics.json").exists()
+    (folder / "empty").mkdir(exist_ok=True)
+    nothing = within(folder / "empty", "runs", "list", "--filter", "foo")
+    assert nothing.stderr == "note: there is no run in logs/ of this folder\n"
     refused = within(folder, "runs", "list", "--result", "finished")
     assert refused.returncode == 2
     assert "complete, stopped" in refused.stderr

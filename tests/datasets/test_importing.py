@@ -40,8 +40,9 @@ def test_csv_with_any_columns_units_and_separators(tmp_path, head, unit, marks, 
     assert "none: no errors are shown" in said
     assert (tmp_path / "set" / "first-fix.png").stat().st_size > 1000
     scenario = load(str(tmp_path / "set" / "scenario.toml")).scenario
-    assert (scenario.dt, scenario.length) == (0.1, STEPS)
-    assert scenario.target.origin == pytest.approx(EPOCH - 0.1)
+    # Ten ranges a second without any noise, of a target that goes round at 3 m/s.
+    assert (scenario.dt, scenario.length) == (0.05, 2 * STEPS - 1)
+    assert scenario.target.origin == pytest.approx(EPOCH - 0.05)
     with pytest.raises(UserError, match="--force"):
         imported(tmp_path / "log.csv", "--anchors", stations, "-o", tmp_path / "set", *options)
 
@@ -128,6 +129,14 @@ def test_mistakes_are_told_with_the_remedy(tmp_path, words, said):
     (tmp_path / "log.csv").write_text("when,anchor,quux\n0,a,1\n")
     with pytest.raises(UserError, match=said):
         imported(tmp_path / "log.csv", "--anchors", anchors_in(tmp_path), "-o", tmp_path / "set", *words)
+
+
+@pytest.mark.filterwarnings("error")
+def test_too_few_ranges_to_track_anything_are_told_as_that(tmp_path):
+    (tmp_path / "log.csv").write_text("t,anchor,range\n1,a,2\n")
+    said = " ".join(imported(tmp_path / "log.csv", "--anchors", anchors_in(tmp_path), "-o", tmp_path / "set").split())
+    assert "1 range cannot determine position and velocity, 4 unknowns; import more of the recording" in said
+    assert "anchor b has no range" in said
 
 
 def test_a_spreadsheet_of_windows_keeps_its_letters(tmp_path):

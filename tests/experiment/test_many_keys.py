@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import PathCollection
 
+from zenoh_cbef.analysis.figures import MUTED
 from zenoh_cbef.analysis.printed import drawn
 from zenoh_cbef.experiment.figures import figures_of
 from zenoh_cbef.experiment.results import CellSummary, Curve, Summary
@@ -16,7 +17,8 @@ from zenoh_cbef.plain import Json
 FAULTS: list[Json] = [[], [{"kind": "loss", "probability": 0.1}], [{"kind": "loss", "probability": 0.3}]]
 
 
-def figures(graphs: list[str]) -> list[Figure]:
+def figures(graphs: list[str], centralized: dict[str, float] | None = None) -> list[Figure]:
+    """The figures of three filters, these graphs and three faults. centralized: RMSE of a graph's yardstick, m."""
     cells = [
         CellSummary(
             cell=place,
@@ -24,7 +26,8 @@ def figures(graphs: list[str]) -> list[Figure]:
             runs=2,
             failed=0,
             failures=[],
-            metrics={"position_rmse": median_interval([1.0 + place, 1.2 + place])},
+            metrics={"position_rmse": median_interval([1.0 + place, 1.2 + place])}
+            | ({"centralized.position_rmse": median_interval([centralized[graph]])} if centralized else {}),
             shares={},
             curve=Curve([0.1, 0.2], [1.0, 2.0], [0.1, 0.2]),
         )
@@ -87,6 +90,19 @@ def test_points_of_one_category_stand_side_by_side_in_colours_of_their_own_with_
     [legend] = picture.legends
     assert axes.get_window_extent().height > picture.get_size_inches()[0] * picture.dpi * 0.4
     assert legend.get_window_extent().y1 < axes.get_window_extent().y0
+
+
+def test_several_yardsticks_have_the_colours_of_what_they_are_beside():
+    [rmse, *_] = figures(["ring", "star"], {"ring": 0.5, "star": 0.25})
+    marks = plot_of(rmse)["data"]
+    ring, star = (one for one in marks if "error_y" not in one)
+    assert (ring["name"], star["name"]) == ("ring, fault none centralised", "star, fault none centralised")
+    colours = {one["name"]: one["line"]["color"] for one in marks}
+    assert colours["ring, fault none centralised"] == colours["ring, fault none"]
+    assert colours["star, fault none centralised"] == colours["star, fault none"] != colours["ring, fault none"]
+    [rmse, *_] = figures(["ring", "star"], {"ring": 0.5, "star": 0.5})
+    [only] = (one for one in plot_of(rmse)["data"] if "error_y" not in one)
+    assert (only["name"], only["line"]["color"]) == ("centralised", MUTED)
 
 
 @pytest.mark.parametrize("name", ["position-error-over-time", "disagreement-over-time"])

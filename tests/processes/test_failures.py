@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.conftest import ended, settings
+from tests.processes.conftest import ended, processes_of, settings
 from tests.waiting import until
 from zenoh_cbef.cli.calling import main as command_line
 from zenoh_cbef.nodes.launch import launcher
@@ -26,6 +26,15 @@ def test_ctrl_c_once_stops_all_at_the_same_step_and_the_log_still_verifies(world
     assert "position RMSE" in out
     assert not world.wait_until_gone()
     assert "the run ended at step" in world.verdict()
+
+
+def test_ctrl_c_before_the_first_step_names_no_process_as_dead(world):
+    run = world.start_run(LONG)
+    until(lambda: any("zenoh_cbef agent 0 " in line for line in processes_of(world.run).values()))
+    run.send_signal(signal.SIGINT)
+    _, err = ended(run, 130)
+    assert "ended with status" not in err
+    assert not world.wait_until_gone()
 
 
 def wait_until_taken(run) -> None:

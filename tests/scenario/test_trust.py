@@ -2,7 +2,7 @@
 
 import pytest
 
-from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 
 OUTLIERS, REAL, OLD = {"outlier_probability": 0.1}, {"real": True}, {"defaults": 1}
@@ -114,3 +114,28 @@ def test_the_papers_filters_saturate_in_units_of_their_own(kind):
 def test_real_receivers_may_be_wrong_in_every_range(keys, distrusts, bias):
     plan = Plan(parse(keys, "test"))
     assert (plan.distrusts_own, plan.bias) == (distrusts, bias)
+
+
+SILENT = '{kind="sensor-dropout",probability=1.0,agents=[1]}'
+SPIKES = '{kind="sensor-spikes",probability=0.3}'
+STUCK = '{kind="sensor-stuck",agents=[2]}'
+BIASED = '{kind="sensor-bias",bias=0.3,agents=[1]}'
+
+
+@pytest.mark.parametrize(
+    ("fault", "rules", "models", "power"),
+    [
+        (SILENT, 15, 4, 1),
+        (SPIKES, 15, 4, 2),
+        (STUCK, 15, 4, 1),
+        (BIASED, 15, 0, 1),
+        (f"{SILENT},{BIASED}", 15, 0, 1),
+        (SILENT, 14, 0, 1),
+        (SPIKES, 14, 0, 1),
+        (STUCK, 14, 0, 1),
+    ],
+)
+def test_of_faults_only_such_as_last_are_taken_for_biases_and_spikes_for_outliers(fault, rules, models, power):
+    keys = "target.motion=circle", f"filter.defaults={rules}", f"fault=[{fault}]"
+    plan = Plan(load("tracking", keys).scenario)
+    assert (len(plan.models), plan.power, plan.distrusts_own) == (models, power, True)

@@ -15,7 +15,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
 from zenoh_cbef.tracking.motion import MOTIONS
-from zenoh_cbef.tracking.ranging import Measurement, nobody
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 
 STAGES = {
     f"{weights} {acceleration}": {"weights": weights, "acceleration": acceleration, "scheme": "average"}
@@ -97,7 +97,7 @@ class Agent:
 
     def measure(self, heard, step, told):
         own = self.number, step - 1
-        positions, ranges = nobody(1)
+        positions, ranges = no_neighbours(1)
         if self.plan.sharing.uses_neighbour_ranges:
             due = self.fates.of(step, 0).due
             positions = np.where(due[:, None], heard.positions[self.others, step - 1], 0.0)[None]

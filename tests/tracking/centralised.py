@@ -7,7 +7,7 @@ import numpy as np
 from zenoh_cbef.tracking.filters import Belief, FilterSettings
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity, begun
 from zenoh_cbef.tracking.motion.acceleration import NearlyConstantAcceleration
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 COUNT, STD, DT, AGE, HEIGHT = 4, 0.1, 0.5, 0.05, 2.0
 NEVER_WRONG = 1e-30, 1.0
@@ -38,7 +38,9 @@ def heard(state, random, missing=(), *, axes=3, std=None, bias=0.0):
     """Ranges of all agents, of a target in this state when they arrive."""
     ranges = np.linalg.norm(where(state, axes) - PLACES, axis=1) + bias + STD * random.normal(size=COUNT)
     ranges[list(missing)] = np.nan
-    return Measurement(PLACES, ranges, np.full(COUNT, AGE), *nobody(COUNT), range_std=std, agent=np.arange(COUNT))
+    return Measurement(
+        PLACES, ranges, np.full(COUNT, AGE), *no_neighbours(COUNT), range_std=std, agent=np.arange(COUNT)
+    )
 
 
 def expected(prior, new, agent, size=6):

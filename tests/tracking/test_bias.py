@@ -19,14 +19,14 @@ from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 MOTION, SPACE = NearlyConstantVelocity(0.1, 0.5), Space()
 
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), *nobody(count))
+    return Measurement(position, ranges, np.zeros(count), *no_neighbours(count))
 
 
 def joint_kalman(mean, covariance, agent, range_, *, motion, std):
@@ -94,6 +94,18 @@ def test_likelihoods_show_a_bias_also_where_the_noise_is_overstated(overstated):
         ]
         np.testing.assert_allclose(said[:, 0] - said[:, 1], gains[0] - gains[1], atol=1e-12)
         assert evidence.weight(said.sum(axis=0)) == wanted
+
+
+def test_a_small_gain_counts_where_errors_do_not_last():
+    one, evidence = np.ones(3), Evidence(lasting=True)
+    plain, biased = (0.1 * one, 0.6 * one), (0.1 * np.sqrt(5 / 6) * one, 0.5 * one)
+    said = evidence.of(plain, biased, np.array([0.0, 0.5, 0.95]))
+    gains = said[:, 0] - said[:, 1]
+    np.testing.assert_allclose(gains, 0.1 / np.array([0.1, -np.log(0.75), 1.0]))
+    assert evidence.weight(said).tolist()[::2] == [1.0, 0.0]
+    # Where nothing is known of errors, and by the rules of before, all count alike.
+    for other in (evidence.of(plain, biased), Evidence().of(plain, biased, np.zeros(3))):
+        np.testing.assert_allclose(other[:, 0] - other[:, 1], 0.1)
 
 
 def test_a_range_that_was_not_measured_says_nothing():

@@ -39,8 +39,9 @@ def contested(guess, truth, steps, errors):
     contest, counts = Contest(3, None), uncounted(len(guess))
     priors, found = sure(guess), []
     for step in range(steps):
-        prior = Branches.of(priors, 3, None, share(counts))
-        whole, (*later, counts) = contest.after(prior, anywhere(len(guess)), heard_of(truth, errors[step]), counts)
+        holds, rises = (Branches.of(half, 3, None, share(counts)) for half in contest.halves(priors))
+        new = heard_of(truth, errors[step])
+        whole, (*later, counts) = contest.after(holds, rises, anywhere(len(guess)), new, counts)
         state, covariance, likelihood = later
         priors = state, covariance + 1e-4 * np.eye(6), likelihood
         found.append(whole.merged()[0][:, :3])

@@ -23,7 +23,7 @@ from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.graph import components, make_edges, neighbours
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody, own_range
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours, own_range
 from zenoh_cbef.tracking.status import COASTING, TRACKING, Status
 from zenoh_cbef.tracking.weights import metropolis_weights, weight_matrix
 
@@ -54,7 +54,7 @@ def begun():
 
 def heard(position=(1.3, -2.2, 0.0)):
     distance = np.linalg.norm(PLACES - position, axis=1)
-    return Measurement(PLACES, distance, np.zeros(5), *nobody(5), agent=np.arange(5))
+    return Measurement(PLACES, distance, np.zeros(5), *no_neighbours(5), agent=np.arange(5))
 
 
 def step(chosen, belief, groups):

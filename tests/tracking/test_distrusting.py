@@ -22,7 +22,7 @@ from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.distrusting import REPEATS, Distrusting
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 MOTION, STD, AGENTS = NearlyConstantVelocity(0.1, 0.5), 0.1, 6
 PLAIN = SaturatedInformation(MOTION, Space(), STD, AGENTS, 1.5)
@@ -32,7 +32,7 @@ BEGIN = Belief(np.zeros((AGENTS, 6)), np.tile(0.25 * np.eye(6), (AGENTS, 1, 1)))
 
 def measured(errors, seed):
     ranges = np.linalg.norm(PLACES, axis=1) + np.random.default_rng(seed).normal(0.0, STD, AGENTS) + errors
-    return Measurement(PLACES, ranges, np.zeros(AGENTS), *nobody(AGENTS))
+    return Measurement(PLACES, ranges, np.zeros(AGENTS), *no_neighbours(AGENTS))
 
 
 def updates(errors, *, hear=True):

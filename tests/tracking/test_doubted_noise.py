@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 TRUE, AGENTS, STEPS = 0.1, 8, 200
 MOTION = NearlyConstantVelocity(0.1, 0.5)
@@ -23,7 +23,7 @@ MOTION = NearlyConstantVelocity(0.1, 0.5)
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), *nobody(count))
+    return Measurement(position, ranges, np.zeros(count), *no_neighbours(count))
 
 
 def tracked(given, *, doubted, followed=None, counts=True, steps=STEPS):
@@ -91,13 +91,33 @@ def test_noise_is_doubted_where_ranges_are_recorded_and_it_is_given():
     for alike in (
         (),
         ("sensor.real=true", "timing.mode=realtime", "filter.range_std=0.2"),
-        *(("filter.range_std=0.2", more) for more in ("filter.defaults=6", "target.motion=circle", "filter.kind=icf")),
+        *(("filter.range_std=0.2", more) for more in ("filter.defaults=6", "filter.motion=decay", "filter.kind=icf")),
     ):
         assert not emulated(*alike)
 
 
+@pytest.mark.parametrize("other", [("target.motion=circle",), ("agents.count=3",)])
+def test_it_is_doubted_with_several_motions_and_with_squared_ranges(other):
+    assert emulated("filter.range_std=0.2", *other)
+    assert not emulated("filter.range_std=0.2", "filter.defaults=14", *other)
+    assert not emulated("filter.range_std=0.2", "filter.motion=ncv", "target.motion=circle")
+
+
 def emulated(*keys):
     return Plan(load("tracking", keys).scenario).settings.doubts_noise
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("other", ["target.motion=circle", "agents.count=3"])
+def test_a_noise_told_half_as_large_makes_no_such_network_too_sure(other):
+    def nees(rules):
+        keys = [f"filter.defaults={rules}", "filter.range_std=0.05", "target.radius=5", "seed=1001", "steps=100", other]
+        (run,) = errors(simulate([load("tracking", keys).scenario]))
+        return np.nanmean(run.nees[:, 50:]) / 6.0
+
+    now, before = nees(15), nees(14)
+    assert now < 1.3
+    assert before > 1.5
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.icf import InformationWeighted
 from zenoh_cbef.tracking.linalg import unpack_upper
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 MIDDLE, UNIT, SPEED, VARIANCE = np.array([2.0, -1.0, 3.0]), 20.0, 1.5, 0.09
 POINT, AGENT, AGE, RANGE = np.array([9.0, 4.0, -5.0]), np.array([6.0, -8.0, 1.0]), 0.8, 19.0
@@ -160,7 +160,7 @@ def test_the_second_half_is_gauss_newton_on_all_ranges_and_older_ones_count_less
         mean, covariance = transition @ mean, transition @ covariance @ transition.T + motion.process_noise
         state = transition @ belief.state[0]
         known = transition @ belief.known_covariance[0] @ transition.T + motion.process_noise
-        own = Measurement(agents[[k]], ranges[[k]], ages[[k]], *nobody(1))
+        own = Measurement(agents[[k]], ranges[[k]], ages[[k]], *no_neighbours(1))
         update = filter_.update(belief, own)
         belief = filter_.conclude(update.payload, update)
         measured = np.flatnonzero(np.isfinite(ranges[: k + 1])).tolist()

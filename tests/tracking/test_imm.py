@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import MotionSettings, NearlyConstantVelocity, make_motion
 from zenoh_cbef.tracking.payloads import InformationPayloads, SeveralPayloads
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 from zenoh_cbef.tracking.reference import Ranges, each_step, stacked
 from zenoh_cbef.tracking.switching import Switching, moments
 
@@ -87,7 +87,7 @@ def network(chosen, spoiled=()):
     filter_, belief = make_filter("icf", chosen), Belief(*map(everyone, BEGIN))
     states, chances = [], []
     for k in range(STEPS):
-        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *nobody(AGENTS)))
+        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *no_neighbours(AGENTS)))
         mean = everyone(update.payload.mean(axis=0))
         if k in spoiled:
             mean = update.payload
@@ -110,7 +110,7 @@ def test_ranges_that_are_counted_without_end_say_nothing_of_the_motion_either():
     filter_, belief = make_filter("icf", settings((CALM, WILD))), Belief(*map(everyone, BEGIN))
 
     def after(belief, ranges, often):
-        told = Measurement(PLACES, ranges, np.zeros(AGENTS), *nobody(AGENTS), overcounted=np.full(AGENTS, often))
+        told = Measurement(PLACES, ranges, np.zeros(AGENTS), *no_neighbours(AGENTS), overcounted=np.full(AGENTS, often))
         update = filter_.update(belief, told)
         return filter_.conclude(everyone(update.payload.mean(axis=0)), update)
 
@@ -155,7 +155,7 @@ def test_models_that_are_all_the_same_are_the_single_filter():
     several, _ = network(settings((CALM, CALM, CALM)))
     filter_, belief = make_filter("icf", settings(())), Belief(*map(everyone, BEGIN))
     for k in range(STEPS):
-        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *nobody(AGENTS)))
+        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *no_neighbours(AGENTS)))
         belief = filter_.conclude(everyone(update.payload.mean(axis=0)), update)
         np.testing.assert_allclose(several[k], belief.state[0], atol=1e-9)
 
@@ -170,7 +170,9 @@ def test_agents_of_different_noise_count_by_their_own():
     for k in range(STEPS // 2 + 3):
         seen = Ranges(PLACES[None], RANGES[None, :, k], np.zeros((1, AGENTS)), noise[None])
         belief, _ = models.step(belief, seen)
-        update = filter_.update(mine, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *nobody(AGENTS), noise))
+        update = filter_.update(
+            mine, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *no_neighbours(AGENTS), noise)
+        )
         mine = filter_.conclude(everyone(update.payload.mean(axis=0)), update)
         np.testing.assert_allclose(mine.state[0], belief.state[0], atol=1e-8)
         np.testing.assert_allclose(mine.known_chance[0], belief.known_chance[0], atol=1e-6)
@@ -183,7 +185,7 @@ def test_an_agent_alone_is_the_centralised_filter_of_its_own_ranges():
     for k in range(STEPS // 3):  # One agent's geometry makes covariances longer and longer.
         seen = Ranges(PLACES[None, :1], RANGES[None, :1, k], np.zeros((1, 1)), np.full((1, 1), STD))
         belief, told = models.step(belief, seen)
-        update = filter_.update(mine, Measurement(PLACES[:1], RANGES[:1, k], np.zeros(1), *nobody(1)))
+        update = filter_.update(mine, Measurement(PLACES[:1], RANGES[:1, k], np.zeros(1), *no_neighbours(1)))
         mine = filter_.conclude(update.payload, update)
         np.testing.assert_allclose(mine.state, belief.state, atol=1e-7)
         np.testing.assert_allclose(mine.known_chance, belief.known_chance, atol=1e-6)
@@ -213,7 +215,7 @@ def test_a_mixture_has_the_moments_of_its_parts():
 def test_a_liar_displaces_every_model_and_leaves_the_numbers_after_them():
     chosen = settings((CALM, TURN, WILD))
     filter_, belief = make_filter("icf", chosen), Belief(*map(everyone, BEGIN))
-    update = filter_.update(belief, Measurement(PLACES, RANGES[:, 0], np.zeros(AGENTS), *nobody(AGENTS)))
+    update = filter_.update(belief, Measurement(PLACES, RANGES[:, 0], np.zeros(AGENTS), *no_neighbours(AGENTS)))
     assert update.payload.shape[1] == sharing_of("icf", chosen).payload_size
     payloads = SeveralPayloads(tuple(InformationPayloads(3, motion.size) for motion in chosen.models))
     mean = everyone(update.payload.mean(axis=0))
@@ -253,6 +255,8 @@ def test_at_sharp_corners_it_knows_how_unsure_it_is():
 @pytest.mark.parametrize("more", [{}, {"learns_noise": True}, {"distrusts": True}])
 def test_what_stands_around_it_sees_what_is_said_of_the_likeliest_motion(more):
     filter_, belief = make_filter("icf", settings((CALM, WILD), **more)), Belief(*map(everyone, BEGIN))
-    told = filter_.update(belief, Measurement(PLACES, RANGES[:, 0], np.zeros(AGENTS), *nobody(AGENTS))).diagnostics
+    told = filter_.update(
+        belief, Measurement(PLACES, RANGES[:, 0], np.zeros(AGENTS), *no_neighbours(AGENTS))
+    ).diagnostics
     assert np.isfinite(told.nis).all()
     np.testing.assert_array_equal(told.maneuver, 0.5)

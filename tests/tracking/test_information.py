@@ -16,7 +16,7 @@ from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed
 from zenoh_cbef.tracking.graph import make_edges, neighbours
 from zenoh_cbef.tracking.linalg import pack_upper, unpack_upper
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.weights import metropolis_weights
 
@@ -46,7 +46,7 @@ def scene(seed, space, count=4):
     ranges[0] = np.nan
     age = random.uniform(0.0, 0.2, count)
     return beliefs(random, space, count), Measurement(
-        random.normal(scale=5, size=(count, 3)), ranges, age, *nobody(count)
+        random.normal(scale=5, size=(count, 3)), ranges, age, *no_neighbours(count)
     )
 
 
@@ -148,7 +148,7 @@ def run_steps(kind, space, count, *, rounds, steps, graph="complete", seed=1, to
         ranges = np.linalg.norm(position - [1.0, 2.0, 0.7], axis=1) + STD * random.normal(size=count)
         ranges[random.random(count) < 0.2] = np.nan
         before = tracker.belief
-        measured = Measurement(position, ranges, np.zeros(count), *nobody(count))
+        measured = Measurement(position, ranges, np.zeros(count), *no_neighbours(count))
         message = tracker.measure(measured)
         for _ in range(rounds if kind != "local" else 0):
             message = tracker.exchange(message[lists.index], None)

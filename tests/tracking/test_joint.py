@@ -9,7 +9,7 @@ from zenoh_cbef.tracking.filters import FilterSettings, make_filter
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 RUNS, STEPS, DT, STD, XI = 2, 60, 0.2, 0.1, 1.5
 CALM, WILD = NearlyConstantVelocity(DT, 0.3), NearlyConstantVelocity(DT, 20.0)
@@ -43,7 +43,7 @@ def averaged(chosen, initial, positions, ranges, age):
         for k in range(STEPS):
             heard = np.nan_to_num(age[run, :, k])
             update = filter_.update(
-                belief, Measurement(positions[run, :, k], ranges[run, :, k], heard, *nobody(agents))
+                belief, Measurement(positions[run, :, k], ranges[run, :, k], heard, *no_neighbours(agents))
             )
             belief = filter_.conclude(update.payload.mean(axis=0)[None].repeat(agents, axis=0), update)
             states[run, k], covariances[run, k] = belief.state[0], belief.known_covariance[0]

@@ -14,7 +14,7 @@ from zenoh_cbef.tracking.filters.around.recovering import widened
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.joint import _Joint
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 COUNT, STD, BETA = 4, 0.1, 0.5
 MOTION = NearlyConstantVelocity(0.5, 0.5, 3)
@@ -37,7 +37,9 @@ def heard(random, agents=slice(None)):
     places, ranges = random.normal(scale=6.0, size=(COUNT, 3)), random.uniform(4.0, 9.0, COUNT)
     ranges[1] = np.nan
     number = np.arange(COUNT)[agents]
-    return Measurement(places[agents], ranges[agents], np.full(len(number), 0.05), *nobody(len(number)), agent=number)
+    return Measurement(
+        places[agents], ranges[agents], np.full(len(number), 0.05), *no_neighbours(len(number)), agent=number
+    )
 
 
 def averaged(belief, measurement, chosen=FILTER):

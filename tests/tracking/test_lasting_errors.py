@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors, Rec
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 STD, AGENTS, STEPS = 0.1, 8, 300
 
@@ -52,6 +52,14 @@ def test_what_the_signs_share_tells_the_correlation(correlation):
     sums = np.array([1.0, -1.0]) * 40.0 * 2.0 / np.pi * np.arcsin(correlation)
     known = replace(Receiver.first(2), agreed=sums, pairs=np.full(2, 40.0))
     np.testing.assert_allclose(known.alike, [correlation, 0.0], atol=1e-12)
+
+
+def test_errors_are_taken_for_alike_until_many_are_known():
+    rng = np.random.default_rng(8)
+    assert Receiver.first(1).surely == 0.98
+    few, many = (taught(lasting(rng, (200, count), 0.0)) for count in (20, 300))
+    assert np.median(few.surely - few.alike) > 0.3
+    np.testing.assert_allclose(many.surely, many.alike, atol=0.03)
 
 
 def test_a_range_that_was_not_measured_teaches_nothing():
@@ -93,7 +101,7 @@ MOTION = NearlyConstantVelocity(0.1, 0.5)
 
 def heard(position, ranges):
     count = len(position)
-    return Measurement(position, ranges, np.zeros(count), *nobody(count))
+    return Measurement(position, ranges, np.zeros(count), *no_neighbours(count))
 
 
 @pytest.mark.parametrize("claims", [False, True])

@@ -11,7 +11,7 @@ from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.finding.supposing import _FADES, _MEMORY, Supposing
 from zenoh_cbef.tracking.filters.kinds.icf import InformationWeighted
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 from zenoh_cbef.tracking.status import CUT
 
 
@@ -36,7 +36,7 @@ def test_how_badly_ranges_fit_follows_each_new_one_and_stays_where_there_is_none
     variance = float(towards @ spread @ towards) + std**2
     off = 1.5 * np.sqrt(variance)
     ranges = np.array([distance + off, distance + 100.0, np.nan])
-    new = Measurement(np.zeros((3, 3)), ranges, np.zeros(3), *nobody(3))
+    new = Measurement(np.zeros((3, 3)), ranges, np.zeros(3), *no_neighbours(3))
     before = np.array([CUT, 4.0, 4.0])
     found = supposing._own(before, Belief(state, covariance), new)  # noqa: SLF001 - the one number of it
     np.testing.assert_allclose(found, then)

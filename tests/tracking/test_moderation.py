@@ -16,7 +16,7 @@ from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters import KINDS, Belief
 from zenoh_cbef.tracking.filters.information_form import pack
 from zenoh_cbef.tracking.moderation import LARGEST, LARGEST_SENT, is_moderate, is_within
-from zenoh_cbef.tracking.ranging import Measurement, nobody
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 from zenoh_cbef.tracking.tracker import Tracker
 
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # what overflows is the point here
@@ -86,7 +86,7 @@ def test_an_agent_that_becomes_sure_or_far_beyond_measure_takes_back_what_it_hea
     """Information without bounds is a moderate place with hardly any covariance: only the message shows it."""
     plan = load("tracking", ["filter.start=given", "filter.kind=sicf", "filter.status=false"]).plan
     begin = Belief(np.array([[1.0, 2.0, 3.0, 0.3, 0.2, 0.1]]), 0.25 * np.eye(6)[None])
-    seen = Measurement(np.array([[5.0, 0.0, 1.0]]), np.array([4.0]), np.zeros(1), *nobody(1))
+    seen = Measurement(np.array([[5.0, 0.0, 1.0]]), np.array([4.0]), np.zeros(1), *no_neighbours(1))
     # At last a message that is moderate once it is averaged, and leaves a place that is not.
     for size, certainty, refused in ((1e20, 1e20, False), (1e110, 1e110, True), (1.9e100, 0.0, True)):
         tracker = Tracker(plan.filter, Average(np.full((1, 1), 0.5)), plan.space, begin)

@@ -10,7 +10,7 @@ import pytest
 from tests.tracking.centralised import switching
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter, payloads_of
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 MOTION = NearlyConstantVelocity(0.5, 0.5)
 PLACES = np.array([[-8.0, 3, 1], [7, -6, 4], [2, 9, -5], [-3, -7, -8]])
@@ -26,7 +26,7 @@ def begun(count):
     """Beliefs of agents, and their ranges of a target that is elsewhere."""
     ranges = np.linalg.norm(PLACES[:count] - STATE[0, :3], axis=1) + 0.3
     belief = Belief(STATE.repeat(count, axis=0), COVARIANCE.repeat(count, axis=0))
-    return belief, Measurement(PLACES[:count], ranges, np.zeros(count), *nobody(count), agent=np.arange(count))
+    return belief, Measurement(PLACES[:count], ranges, np.zeros(count), *no_neighbours(count), agent=np.arange(count))
 
 
 CASES: dict[str, tuple[str, dict[str, object]]] = {

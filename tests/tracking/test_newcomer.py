@@ -7,7 +7,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 from zenoh_cbef.tracking.tracker import Tracker
 
 RNG = np.random.default_rng(3)
@@ -71,7 +71,7 @@ def test_some_rows_begin_anew_and_the_others_go_on():
     scenario = parse({"agents": {"count": 3}, "filter": {"kind": "sicf", "start": "given"}}, "test")
     given = np.arange(3.0)[:, None] * np.ones((3, 6))
     elsewhere = Belief(np.full((3, 6), 5.0), np.tile(0.01 * np.eye(6), (3, 1, 1)))
-    measurement = Measurement(np.zeros((3, 3)), np.full(3, 6.0), np.zeros(3), *nobody(3))
+    measurement = Measurement(np.zeros((3, 3)), np.full(3, 6.0), np.zeros(3), *no_neighbours(3))
 
     def payload(belief: Belief, adopted: np.ndarray | None = None) -> np.ndarray:
         tracker = Tracker(Plan(scenario).filter, Average(np.zeros((3, 0))), Space(), belief)

@@ -33,6 +33,14 @@ def test_a_fast_target_is_followed_through_the_plane_and_a_slow_one_may_have_tur
     assert (status[:, 60:] == after).all()
 
 
+@pytest.mark.parametrize(("rules", "said"), [(14, TRACKING), (15, ACQUIRING)])
+def test_more_than_three_agents_in_one_plane_lose_the_side_too(rules, said):
+    four = "agents.count=4", "agents.positions=[[-8,-5,0],[8,-4,0],[0,9,0],[1,1,0]]"
+    status, _ = crossing(0.2, *four, f"filter.defaults={rules}")
+    assert (status[:, 30] == TRACKING).all()
+    assert (status[:, 60:] == said).all()
+
+
 def test_seconds_count_from_when_the_side_was_lost():
     status, trace = crossing(0.4)
     since = np.flatnonzero(status[0, 30:] == ACQUIRING)[0] + 30

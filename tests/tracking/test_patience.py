@@ -11,7 +11,7 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.finding.patience import gives_up, left_to_a_fix
-from zenoh_cbef.tracking.ranging import Measurement, nobody
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 from zenoh_cbef.tracking.status import COASTING, LOST, Status
 
 WINDOW = 10
@@ -64,7 +64,7 @@ def test_of_real_receivers_nothing_is_given_up_sooner_but_a_fix_waits_for_no_win
 
 
 def test_a_filter_that_is_adrift_hears_no_ranges_where_it_would_learn_biases_from_them():
-    measurement = Measurement(np.zeros((2, 3)), np.array([3.0, 4.0]), np.zeros(2), *nobody(2))
+    measurement = Measurement(np.zeros((2, 3)), np.array([3.0, 4.0]), np.zeros(2), *no_neighbours(2))
     rows, biased = np.array([True, False]), settings_of("sensor.bias_std=0.5")
     np.testing.assert_array_equal(left_to_a_fix(biased, measurement, rows).range, [np.nan, 4.0])
     assert left_to_a_fix(settings_of(), measurement, rows) is measurement

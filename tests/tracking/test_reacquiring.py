@@ -10,7 +10,7 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard, heard_in, simulate
-from zenoh_cbef.tracking.ranging import Measurement, nobody
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, TRACKING
 
 
@@ -99,7 +99,7 @@ def test_steps_that_no_caller_tells_are_counted():
     def payloads(steps):
         tracker, neighbours = batch_tracker(plans)
         for k, step in enumerate(steps):
-            seen = positions[:, k], ranges[:, k], age[:, k], *nobody(40)
+            seen = positions[:, k], ranges[:, k], age[:, k], *no_neighbours(40)
             sent = tracker.measure(Measurement(*seen, step=step, agent=np.tile(np.arange(4), 10)))
             yield sent
             for _ in range(plans[0].rounds):

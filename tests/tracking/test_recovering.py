@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.recovering import Recovering, widened
 from zenoh_cbef.tracking.filters.around.returning import Returning
 from zenoh_cbef.tracking.filters.models.imm import InteractingModels
-from zenoh_cbef.tracking.ranging import Measurement, nobody
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 
 
 def within(outer):
@@ -33,7 +33,7 @@ def surprised(count):
     ranges[:count] += 10.0
     ranges[5] = np.nan
     belief = Belief(np.zeros((6, 6)), np.tile(0.01 * np.eye(6), (6, 1, 1)))
-    return made, made.update(belief, Measurement(positions, ranges, np.zeros(6), *nobody(6)))
+    return made, made.update(belief, Measurement(positions, ranges, np.zeros(6), *no_neighbours(6)))
 
 
 @pytest.mark.parametrize(("count", "widened"), [(0, False), (2, False), (3, True), (5, True)])

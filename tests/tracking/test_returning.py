@@ -10,7 +10,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.returning import Returning, bend
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody, own_range
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours, own_range
 
 CORNERS = (
     "agents.count=5",
@@ -41,7 +41,7 @@ def test_the_bend_is_the_variance_of_what_linearising_leaves_out(height):
     belief = Belief(np.array([[6.0, -3.0, 2.0, 1.0, 0.5, 0.2][:size]]), (root @ root.T)[None])
     away = random.multivariate_normal(np.zeros(size), root @ root.T, 100_000)
     place = np.zeros((1, 3))
-    there = Measurement(place, np.zeros(1), np.zeros(1), *nobody(1))
+    there = Measurement(place, np.zeros(1), np.zeros(1), *no_neighbours(1))
     ranges, row = own_range(space, belief.state, place, np.zeros(1))
     every, _ = own_range(space, belief.state + away, np.zeros((len(away), 3)), np.zeros(len(away)))
     left = every - ranges[0] - away @ row[0]

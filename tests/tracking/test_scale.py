@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
 from zenoh_cbef.tracking.joint import joint_centralized
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 COUNT, STEPS, STD, DT = 4, 300, 0.3, 0.5
 MOTION = NearlyConstantVelocity(DT, 0.5, 2)
@@ -47,7 +47,7 @@ def averaged(chosen, ranges):
     belief = Belief(INITIAL.state.repeat(COUNT, axis=0), INITIAL.known_covariance.repeat(COUNT, axis=0))
     for row in ranges:
         update = chosen.update(
-            belief, Measurement(PLACES, row, np.zeros(COUNT), *nobody(COUNT), agent=np.arange(COUNT))
+            belief, Measurement(PLACES, row, np.zeros(COUNT), *no_neighbours(COUNT), agent=np.arange(COUNT))
         )
         belief = chosen.conclude(np.repeat(update.payload.mean(axis=0)[None], COUNT, axis=0), update)
         yield belief
@@ -92,7 +92,7 @@ def test_agents_find_the_share_where_ranges_have_one(bias):
     np.testing.assert_allclose(with_share[-1].bias.value, 0.07 * DISTANCE[-1], atol=0.5)
     assert sharing_of("icf", settings).payload_size == make_filter("icf", settings).update(
         Belief(INITIAL.state, INITIAL.covariance),
-        Measurement(PLACES[:1], ranges[0, :1], np.zeros(1), *nobody(1), agent=np.arange(1)),
+        Measurement(PLACES[:1], ranges[0, :1], np.zeros(1), *no_neighbours(1), agent=np.arange(1)),
     ).payload.shape[1]  # fmt: skip
 
 
@@ -118,7 +118,7 @@ def test_the_centralised_yardstick_does_the_same(bias):
 
 
 def test_a_bias_that_grows_with_the_distance_is_no_sign_of_a_wrong_estimate():
-    far = Measurement(PLACES[1:2], np.full(1, 90.0), np.zeros(1), *nobody(1))
+    far = Measurement(PLACES[1:2], np.full(1, 90.0), np.zeros(1), *no_neighbours(1))
     state = np.array([[-30.0, 5.0, 0.0, 0.0]])  # 90 m away
     for value, share, strange in ((6.0, 0.05, False), (6.0, 0.0, True), (25.0, 0.05, True)):
         known = Knowing(make_filter("icf", SETTINGS), replace(SETTINGS, scale_std=share))

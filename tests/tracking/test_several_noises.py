@@ -15,7 +15,7 @@ from zenoh_cbef.tracking.central_models import CentralModels
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 from zenoh_cbef.tracking.reference import Ranges
 from zenoh_cbef.tracking.switching import Switching
 
@@ -38,7 +38,7 @@ def beliefs(alone=()):
     """Of a network that averages exactly, but in steps in which the first agent hears no neighbour."""
     filter_, belief = make_filter("icf", SETTINGS), Belief(*map(everyone, BEGIN))
     for k in range(STEPS):
-        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *nobody(AGENTS)))
+        update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *no_neighbours(AGENTS)))
         mean = everyone(update.payload.mean(axis=0)[None])
         if k in alone:
             mean[0] = update.payload[0]

@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters import KINDS, Belief, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.motion import MOTIONS, MotionSettings, make_motion
 from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -103,6 +103,6 @@ def test_a_message_is_as_long_as_was_agreed(around: dict[str, Any], *, recovers:
     agreed = sharing_of("sicf", settings).payload_size
     filter_, belief = make_filter("sicf", settings), Belief(np.zeros((1, 6)), np.eye(6)[None])
     for _ in range(4):  # Squared ranges, ranges of the first fix, and two steps of the filter that follows.
-        update = filter_.update(belief, Measurement(np.ones((1, 3)), np.array([2.0]), np.zeros(1), *nobody(1)))
+        update = filter_.update(belief, Measurement(np.ones((1, 3)), np.array([2.0]), np.zeros(1), *no_neighbours(1)))
         assert update.payload.shape == (1, agreed)
         belief = filter_.conclude(update.payload, update)

@@ -14,8 +14,9 @@ from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter, sharing_of
+from zenoh_cbef.tracking.filters.models.slots import Slots
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 STD, DT, COUNT = 0.3, 0.5, 5
 LINE = (
@@ -45,7 +46,9 @@ def scene(space, seed=3, ages=0.0):
     )
     ranges = random.uniform(3.0, 8.0, COUNT)
     ranges[0] = np.nan
-    return belief, Measurement(random.normal(scale=5, size=(COUNT, 3)), ranges, np.full(COUNT, ages), *nobody(COUNT))
+    return belief, Measurement(
+        random.normal(scale=5, size=(COUNT, 3)), ranges, np.full(COUNT, ages), *no_neighbours(COUNT)
+    )
 
 
 def concluded(chosen, belief, measurement):
@@ -142,7 +145,7 @@ def test_an_agent_is_a_batch_of_one():
     whole = chosen.conclude(mixed, update)
     for agent in range(COUNT):
         one = slice(agent, agent + 1)
-        mine = Measurement(measurement.position[one], measurement.range[one], measurement.age[one], *nobody(1))
+        mine = Measurement(measurement.position[one], measurement.range[one], measurement.age[one], *no_neighbours(1))
         alone = chosen.update(Belief(belief.state[one], belief.known_covariance[one]), mine)
         np.testing.assert_array_equal(alone.payload, update.payload[one])
         np.testing.assert_array_equal(chosen.conclude(mixed[one], alone).state, whole.state[one])
@@ -232,3 +235,23 @@ def test_an_older_log_means_linearising_before():
 def test_a_filter_that_cannot_is_refused():
     with pytest.raises(UserError, match="linearise = 'after' is not for 'ci'"):
         load("tracking", ["filter.kind=ci", "filter.linearise=after"])
+
+
+def test_a_range_below_zero_is_none_for_its_square_is_that_of_another():
+    def said(value, least=0.0):
+        belief, heard = scene(Space())
+        heard.range[1] = value
+        return make_filter("sicf", replace(settings_of(Space()), least=least)).update(belief, heard).payload
+
+    np.testing.assert_array_equal(said(-45.0), said(np.nan))
+    assert (said(-45.0, -np.inf) != said(np.nan)).any()
+    assert (said(0.0) != said(np.nan)).any()
+
+
+def test_agents_that_tell_their_ranges_tell_none_below_zero_and_hear_none():
+    _, heard = scene(Space())
+    heard.range[1] = -45.0
+    slots = Slots(Space(), STD, (0.0, 0.0, 0.0), COUNT, 0.0)
+    assert slots.told(heard)[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0, 1.0]
+    own = slots.at(heard.position[:, None], heard.range[:, None], heard.age[:, None], np.ones((COUNT, 1)))
+    assert np.isnan(own.range[:, 0]).tolist() == [True, True, False, False, False]

@@ -30,7 +30,7 @@ from tests.tracking.centralised import (
 from zenoh_cbef.tracking.filters import Belief, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.models.told_ranges import ToldRanges
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, nobody
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 
 
 @pytest.mark.parametrize(
@@ -203,7 +203,7 @@ def test_a_payload_has_a_place_for_each_agent_and_room_for_a_fix(count, size):
     settings = settings_of(count=count)
     belief, new = guesses_of(random, np.arange(6.0), WIDE), heard(np.arange(6.0), random)
     belief = Belief(belief.state[some], belief.known_covariance[some])
-    new = Measurement(new.position[some], new.range[some], new.age[some], *nobody(count), agent=np.arange(count))
+    new = Measurement(new.position[some], new.range[some], new.age[some], *no_neighbours(count), agent=np.arange(count))
     filter_ = make_filter("icf", settings)
     update = filter_.update(belief, new)
     assert update.payload.shape[1] == sharing_of("icf", settings).payload_size == size

@@ -8,6 +8,7 @@ import pytest
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.filters.models.splitting import ROUGHLY
 from zenoh_cbef.tracking.status import COASTING
 
 OUTLIERS = ("dt=2", "sensor.outlier_probability=0.3", "sensor.outlier_scale=20")
@@ -52,8 +53,9 @@ def test_agents_tell_ranges_where_a_fix_would_fail(sets):
 def test_of_several_motions_hypotheses_stay_where_a_step_has_few_ranges(sets, told):
     for rules in (13, 14):
         plan = Plan(load("tracking", [*sets, f"filter.defaults={rules}"]).scenario)
-        assert plan.splits is (rules == 14 and sets is not CORNERS)
-        assert plan.tells_ranges is (told or plan.splits)
+        splits = rules == 14 and sets is not CORNERS
+        assert plan.splits == ROUGHLY * splits
+        assert plan.tells_ranges is (told or splits)
 
 
 @pytest.mark.slow

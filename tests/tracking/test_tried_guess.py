@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter
 from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.finding.tried_guess import TriedGuess
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 WRONG = "filter.initial_position=[20, 0, 0]"
 
@@ -83,7 +83,7 @@ def guessing(ranges, **other):
     filter_ = make_filter("sicf", settings(**other))
     belief = Belief(np.array([[10.0, 0, 0, 0, 0, 0]]), np.diag([1.0] * 3 + [1e-4] * 3)[None])
     for range_ in ranges:
-        own = Measurement(np.zeros((1, 3)), np.array([range_]), np.zeros(1), *nobody(1))
+        own = Measurement(np.zeros((1, 3)), np.array([range_]), np.zeros(1), *no_neighbours(1))
         update = filter_.update(belief, own)
         belief = filter_.conclude(update.payload, update)
     return update, belief

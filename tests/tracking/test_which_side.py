@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, Update
 from zenoh_cbef.tracking.filters.finding.one_side import OneSide
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, nobody
+from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 from zenoh_cbef.tracking.status import ACQUIRING, LOST, TRACKING, Status
 
 MIDDLE, FIX = np.array([1.0, 2.0, -3.0]), 4
@@ -52,7 +52,7 @@ def said(places, filter_, before=None, weights=None):
     side = OneSide(filter_, FilterSettings(NearlyConstantVelocity(0.5, 0.5), Space(), 0.1, 2.0, count, says_status=True,
                                            sides=True, first_fix=FIX, middle=tuple(MIDDLE)))  # fmt: skip
     heard = Measurement(
-        MIDDLE + np.array([0.3, 0.2, 0.1]) + places @ AXES.T, np.ones(count), np.zeros(count), *nobody(count)
+        MIDDLE + np.array([0.3, 0.2, 0.1]) + places @ AXES.T, np.ones(count), np.zeros(count), *no_neighbours(count)
     )
     belief = before or Belief(np.zeros((count, 6)), np.tile(np.eye(6), (count, 1, 1)))
     update = side.update(belief, heard)

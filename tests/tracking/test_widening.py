@@ -13,7 +13,7 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief, make_filter
 from zenoh_cbef.tracking.filters.information_form import saturated_precision
-from zenoh_cbef.tracking.ranging import Measurement, nobody
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 
 TURNS = (
     "target.motion=waypoints", "target.speed=3", "target.waypoints=[[0,0,0],[6,6,0],[-6,6,3],[6,-6,-3],[0,0,0]]",
@@ -49,7 +49,7 @@ def test_how_far_an_outlier_pulls_from_a_wide_prior(widens, least, most):
     filter_ = make_filter("sicf", replace(settings, first_fix=0, says_status=False, reacquires=0, supposes=False))
     belief = Belief(np.zeros((1, 6)), np.diag([1.0] * 3 + [0.01] * 3)[None])
     away = np.array([[10.0, 0.0, 0.0]])
-    measurement = Measurement(away, np.array([30.0]), np.zeros(1), *nobody(1))
+    measurement = Measurement(away, np.array([30.0]), np.zeros(1), *no_neighbours(1))
     update = filter_.update(belief, measurement)
     moved = -filter_.conclude(update.payload, update).state[0, 0]
     assert least < moved < most

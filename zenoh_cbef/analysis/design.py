@@ -15,6 +15,7 @@ from zenoh_cbef.analysis.recommended import Recommended, recommended
 from zenoh_cbef.analysis.traffic import other_bytes, round_bytes
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.numbers import SKIPPED
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.sight import determined
 from zenoh_cbef.scenario.world import make_world
@@ -30,7 +31,7 @@ _PREDICTED = ("sicf", "icf", "hcmci", "ci", "local")
 
 
 def design(
-    plan: Plan, *, within: float = 0.01, skip: float = 0.25, search: bool = True, kbits: float | None = None
+    plan: Plan, *, within: float = 0.01, skip: float = SKIPPED, search: bool = True, kbits: float | None = None
 ) -> Design:
     """Everything that `zenoh-cbef design` tells.
 

@@ -35,7 +35,7 @@ from zenoh_cbef.analysis.standing import standing_of
 from zenoh_cbef.analysis.verdict import OVERCONFIDENT
 from zenoh_cbef.analysis.yardsticks import yardsticks
 from zenoh_cbef.arrays import Floats, Ints
-from zenoh_cbef.numbers import number
+from zenoh_cbef.numbers import SKIPPED, number
 from zenoh_cbef.trace import Trace
 
 LOST = 3.0
@@ -49,7 +49,7 @@ class Analysis(Errors):
     metrics: Metrics
 
 
-def analyze(traces: Sequence[Trace], skip: float = 0.25, *, strongest: bool = True) -> list[Analysis]:
+def analyze(traces: Sequence[Trace], skip: float = SKIPPED, *, strongest: bool = True) -> list[Analysis]:
     """Analyse runs of one shape; the centralised filter and the bound of all of them run as one batch.
 
     skip: the share of steps left out at the start of RMSE, NEES and ratios, or of those that can be scored,

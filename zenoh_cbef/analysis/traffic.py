@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from zenoh_cbef.faults.injected import Injected, Told
@@ -23,10 +25,14 @@ _PLACE = np.full(3, 0.5)
 
 def round_bytes(plan: Plan) -> int:
     """Bytes of one consensus message; with less precision, of most of them."""
-    width = plan.message_size
     if plan.compact is not None:
         return HEAD_BYTES + plan.compact.size
-    return len(RoundCodec(plan.scenario.name, "agent/0", width).encode(0, _SENT, 1, 1, np.zeros(width)))
+    return _whole_bytes(plan.scenario.name, plan.message_size)
+
+
+@cache
+def _whole_bytes(run: str, width: int) -> int:
+    return len(RoundCodec(run, "agent/0", width).encode(0, _SENT, 1, 1, np.zeros(width)))
 
 
 def range_bytes(plan: Plan) -> int:

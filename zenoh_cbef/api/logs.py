@@ -13,10 +13,11 @@ from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import place_of_log
+from zenoh_cbef.numbers import SKIPPED
 from zenoh_cbef.protocol.names import checked
 
 
-def load(log: str | Path = "logs/latest", /, *, smooth: bool = False, skip: float = 0.25) -> Run:
+def load(log: str | Path = "logs/latest", /, *, smooth: bool = False, skip: float = SKIPPED) -> Run:
     """Read a log: a file, the folder of a run, or its name in logs/.
 
     smooth: with the path that all measurements of the run give. skip: the share of steps that errors leave out at the

@@ -16,7 +16,7 @@ from zenoh_cbef.api.paths import path_of
 from zenoh_cbef.api.plotting import Plots
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.numbers import MOST_SKIPPED
+from zenoh_cbef.numbers import MOST_SKIPPED, SKIPPED
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.viewers.arrays import Array, arrays_of
@@ -37,12 +37,14 @@ class Run:
 
     trace: Trace
     log: Path | None = None
-    skip: float = 0.25
+    skip: float = SKIPPED
 
     def __post_init__(self) -> None:
         """Raise UserError for a skip that is no share."""
         if not (isinstance(self.skip, Real) and 0.0 <= self.skip <= MOST_SKIPPED):
-            raise UserError(f"skip must be a share of steps from 0 to {MOST_SKIPPED}, not {self.skip!r}; 0.25 is usual")
+            raise UserError(
+                f"skip must be a share of steps from 0 to {MOST_SKIPPED}, not {self.skip!r}; {SKIPPED} is usual"
+            )
 
     def __repr__(self) -> str:
         count, steps = self.ranges.shape

@@ -10,7 +10,7 @@ import typer
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.options.shared import Run
-from zenoh_cbef.nodes.agent.agent import run_agent
+from zenoh_cbef.nodes.agent.process import run_agent
 from zenoh_cbef.protocol.tls import common_name
 from zenoh_cbef.quantities import MOST_AGENTS
 

@@ -22,6 +22,7 @@ from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.numbers import SKIPPED
 
 
 def _analyze(
@@ -30,7 +31,7 @@ def _analyze(
         typer.Argument(metavar="LOG", autocompletion=logs, help="A log, the folder of a run, or the files of one run."),
     ] = None,
     as_json: AsJson = False,
-    skip: Skip = 0.25,
+    skip: Skip = SKIPPED,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder for metrics.json; default: the log's.")
     ] = None,

@@ -27,7 +27,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
-from zenoh_cbef.numbers import number
+from zenoh_cbef.numbers import SKIPPED, number
 from zenoh_cbef.trace import Trace
 from zenoh_cbef.writing import writing
 
@@ -60,7 +60,7 @@ def _compare(
     as_csv: AsCsv = False,
     output: Outputs = None,
     force: Force = False,
-    skip: Skip = 0.25,
+    skip: Skip = SKIPPED,
     smooth: Smooth = False,
     as_table: AsTable = None,
 ) -> None:

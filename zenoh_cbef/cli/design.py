@@ -13,6 +13,7 @@ from zenoh_cbef.cli.options.shared import AsJson, Overrides, ScenarioName, Skip
 from zenoh_cbef.cli.terminal.console import console, warn
 from zenoh_cbef.cli.terminal.design import design_lines
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.numbers import SKIPPED
 from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
@@ -36,7 +37,7 @@ def _design(
     within: Within = "1%",
     kbits: Kbits = None,
     as_json: AsJson = False,
-    skip: Skip = 0.25,
+    skip: Skip = SKIPPED,
 ) -> None:
     """Predict errors, bytes and the rounds that are needed, without a run, from the scenario's geometry and graph."""
     wanted = _share(within)

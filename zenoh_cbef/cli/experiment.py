@@ -43,7 +43,7 @@ from zenoh_cbef.experiment.summary import EXIT_STATUS, check_expectations, summa
 from zenoh_cbef.experiment.sweep import Sweep
 from zenoh_cbef.experiment.table import rows_of
 from zenoh_cbef.experiment.typeset import FITTING, metric_table, results_table
-from zenoh_cbef.numbers import number
+from zenoh_cbef.numbers import SKIPPED, number
 from zenoh_cbef.plain import read_toml
 from zenoh_cbef.words import counted
 
@@ -110,7 +110,7 @@ def _run(
     shard: Annotated[
         str | None, typer.Option(metavar="I/N", help="Only the I-th of N parts of all runs; 'join' joins them.")
     ] = None,
-    skip: Skip = 0.25,
+    skip: Skip = SKIPPED,
     as_json: AsJson = False,
     as_table: AsTable = None,
     metric: Metric = None,
@@ -136,7 +136,7 @@ def _join(
     what: What,
     output: Folder = None,
     seeds: Seeds = None,
-    skip: Skip = 0.25,
+    skip: Skip = SKIPPED,
     as_json: AsJson = False,
     as_table: AsTable = None,
     metric: Metric = None,

@@ -27,6 +27,7 @@ from zenoh_cbef.log.read.exchange import read_exchange
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
+from zenoh_cbef.numbers import SKIPPED
 from zenoh_cbef.pages.parts import Figure
 from zenoh_cbef.words import first_of
 from zenoh_cbef.writing import writing
@@ -52,7 +53,7 @@ def _figures(
         list[str] | None, typer.Option(metavar="TEXT=WORDS", help="Other words for an axis or a line; repeatable.")
     ] = None,
     only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="This figure alone; repeatable.")] = None,
-    skip: Skip = 0.25,
+    skip: Skip = SKIPPED,
     force: Force = False,
 ) -> None:
     """Write the figures of a run, of several compared, or of an experiment for a paper, one column wide.

@@ -201,7 +201,8 @@ def _execute(arguments: list[str], loaded: Loaded, run: str, path: Path, sync: b
     finally:
         display.live.stop()
     if launcher.started or stops.count:
-        for death in launcher.deaths:
+        # A user who stops a run that has not begun knows why its processes find no target.
+        for death in launcher.deaths if launcher.started else ():
             if death not in display.mourned:
                 display.mourn(death)
         return launcher

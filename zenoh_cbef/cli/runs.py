@@ -43,10 +43,12 @@ def _list(
     if result is not None and result not in _RESULTS:
         raise UserError(f"no run has the result {result!r}; give one of {', '.join(_RESULTS)}")
     every = runs()
+    if not every:
+        tell("note: there is no run in logs/ of this folder")
     sought = {"scenario": scenario, "filter": filter_, "fault": fault, "tag": tagged}
     for what, name in sought.items():
         there = sorted({each for one in every for each in _of(one)[what]})
-        if name is not None and name not in there:
+        if name is not None and name not in there and every:
             known = first_of(there, 10) if there else "none"
             tell(f"note: no run in logs/ has the {what} {name!r}; they have {known}")
     chosen = [one for one in every if all(name is None or name in _of(one)[what] for what, name in sought.items())]

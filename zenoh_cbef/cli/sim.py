@@ -20,6 +20,7 @@ from zenoh_cbef.cli.terminal.progress import bar
 from zenoh_cbef.cli.terminal.results import metrics_table, summary_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.experiment.seeds import analyses_of, metrics_of
+from zenoh_cbef.numbers import SKIPPED
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.viewers.arrays import export
 
@@ -32,7 +33,7 @@ def _sim(
     ] = 1,
     jobs: Jobs = 0,
     as_json: AsJson = False,
-    skip: Skip = 0.25,
+    skip: Skip = SKIPPED,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the arrays of the run as .npz.")] = None,
     force: Force = False,
 ) -> None:

@@ -14,7 +14,7 @@ from zenoh_cbef.cli.options.joining import Joining, JoiningCommand, JoiningConte
 from zenoh_cbef.cli.options.shared import Overrides, ScenarioName
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.measurements import read_measurements
-from zenoh_cbef.nodes.target.target import run_target
+from zenoh_cbef.nodes.target.process import run_target
 from zenoh_cbef.protocol.names import check_run
 from zenoh_cbef.protocol.session import PORT, Connection
 from zenoh_cbef.quantities import MOST_AGENTS

@@ -54,8 +54,9 @@ class Dataset:
     def interval(self) -> float | None:
         """The time from one range of an anchor to its next, s, median of all; None where there is none."""
         times = (self.range_time[self.range_anchor == anchor] for anchor in range(len(self.anchors)))
-        median = float(np.median(np.concatenate([np.diff(each) for each in times] or [[np.inf]])))
-        return median if 0.0 < median < np.inf else None
+        gaps = np.concatenate([np.empty(0), *map(np.diff, times)])
+        median = float(np.median(gaps)) if len(gaps) else 0.0
+        return median if median > 0.0 else None
 
     def knows_truth(self, times: Floats) -> Bools:
         """Whether dataset times (k,) lie between two true positions that are near enough to each other, (k,)."""

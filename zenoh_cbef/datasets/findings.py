@@ -26,6 +26,10 @@ _WHOLE = 0.99
 
 def findings(dataset: Dataset) -> list[str]:
     """Sentences; none for a recording about which nothing is odd."""
+    unknowns = 4 if is_planar(dataset) else 6
+    if len(dataset.ranges) < unknowns:
+        few = f"{counted(len(dataset.ranges), 'range')} cannot determine position and velocity, {unknowns} unknowns"
+        return [f"{few}; import more of the recording", *_silent(dataset)]
     twice = copied(dataset) or overlaid(dataset)
     wrong = stuck_anchors(dataset) or scaled_anchors(dataset) or _unit(dataset)
     wrong += _clock(dataset)

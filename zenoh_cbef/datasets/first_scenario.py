@@ -3,22 +3,41 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from zenoh_cbef.datasets.agility import agility
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import is_planar
+from zenoh_cbef.datasets.scatter import scatter
 from zenoh_cbef.numbers import number
 
 _ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
 def time_step(dataset: Dataset) -> float:
-    """A round step near the interval of an anchor's ranges, s."""
+    """A round step near the interval of an anchor's ranges, s, or shorter for a target that turns fast.
+
+    Between a range and the end of its step the target is taken to go straight on: in half of sqrt(sigma/q) it strays
+    from that by an eighth of the noise. Steps shorter than half of the interval gain little.
+    """
     interval = dataset.interval or 0.1
-    scale = 10.0 ** math.floor(math.log10(interval))
-    return float(f"{scale * min(_ROUND, key=lambda each: abs(math.log(each * scale / interval))):.3g}")
+    step = _near(interval, _ROUND)
+    quick, noise = agility(dataset), scatter(dataset)
+    if not quick or not noise or step <= (longest := max(0.5 * math.sqrt(noise / quick), interval / 2.0)):
+        return step
+    return _near(longest, [each for each in _ROUND if each * _decade(longest) < 1.001 * longest])
+
+
+def _decade(value: float) -> float:
+    return 10.0 ** math.floor(math.log10(value))
+
+
+def _near(value: float, steps: Sequence[float]) -> float:
+    """The round number that is nearest to a value, of some that are multiples of its decade."""
+    return float(f"{_decade(value) * min(steps, key=lambda each: abs(math.log(each * _decade(value) / value))):.3g}")
 
 
 def write_scenario(dataset: Dataset, path: Path, height: float | None = None) -> Path:

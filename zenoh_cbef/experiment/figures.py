@@ -134,16 +134,16 @@ def _lines(summary: Summary, measured: Measured) -> Plot:
         )
         for yardstick, label in yardsticks:
             drawn: Plot = {"x": lines[-1]["x"], "y": [_median(cell, yardstick) for cell in known]}
-            colour, role = (INK, "ink") if len(groups) == 1 else (MUTED, "muted")
-            dashed = {"meta": role, "line": {"color": colour, "dash": "dash", "width": 1}, "marker": {"symbol": "x"}}
+            dashed = {"line": {"color": colour, "dash": "dash", "width": 1}, "marker": {"symbol": "x"}}
             # Consensus does not change a centralised filter: one line is enough where its values are the same.
             if not any(drawn["y"]) or any(line["x"] == drawn["x"] and line["y"] == drawn["y"] for line in lines):
                 continue
             named = {"mode": "lines" if line else "markers", "name": f"{escape(name)} {label}"}
             lines.append({"type": "scatter", **named, **drawn, **dashed})
     alone = [line for line in lines if "error_y" not in line]
-    if len(alone) == 1:
-        alone[0]["name"] = yardsticks[0][1]
+    if len(alone) == 1:  # Several have the colours of the lines that they are beside.
+        tone, role = (INK, "ink") if len(groups) == 1 else (MUTED, "muted")
+        alone[0] |= {"name": yardsticks[0][1], "meta": role, "line": alone[0]["line"] | {"color": tone}}
     lines.sort(key=lambda line: "error_y" not in line)
     values = [cell.values[first] for cell in cells]
     layout = _layout(_axis(values, words[first]), measured.words)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields
 
 import numpy as np
 
@@ -38,11 +37,11 @@ def flaw_of_effect(effect: object, count: int) -> str:
     """Why this is no effect on so many messages."""
     if not isinstance(effect, Effect):
         return "effect() gives no Effect; return one, with what happens to each message"
-    for field in fields(effect):
-        value, delay = getattr(effect, field.name), field.name == "delay"
+    for name, value in vars(effect).items():
+        delay = name == "delay"
         if value is None:
             continue
-        if flaw := flaw_of_array(value, f"effect().{field.name}", (count,), np.float64 if delay else np.bool_):
+        if flaw := flaw_of_array(value, f"effect().{name}", (count,), np.float64 if delay else np.bool_):
             return flaw
         if delay and not (np.isfinite(value) & (value >= 0.0)).all():
             return "effect().delay is below zero or not finite; give seconds, and lost for never"

@@ -8,13 +8,13 @@ import numpy as np
 
 from zenoh_cbef.scenario import paths, start
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.tracking.motion import LinearMotion
+from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.sight import MIRRORED, open_axes
 
 MOST = 1.0
 """Curvature of ranges over a step's uncertainty, in units of their noise, from which on they are not linear there."""
 
-_STRAIGHT = 0.01
+STRAIGHT = 0.01
 """Below this curvature it is no matter where ranges are linearised. Above it, a target that leaves the box is lost now
 and then, as ranges bend more where agents see it from one side.
 """
@@ -29,7 +29,7 @@ def after(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
     chosen = scenario.filter
     if chosen.linearise != "auto" or chosen.defaults < 2:
         return chosen.linearise == "after"
-    most = MOST if chosen.defaults < 4 else _STRAIGHT
+    most = MOST if chosen.defaults < 4 else STRAIGHT
     return mirrored(scenario, range_std, motion.axes) or bending(scenario, motion, range_std, scenario.dt)[1] > most
 
 
@@ -64,6 +64,23 @@ def _left_open(scenario: Scenario, range_std: float, axes: int) -> int:
     return int(open_axes(places, np.ones(places.shape[:2], dtype=bool), 1, range_std)[0])
 
 
+def weakest(scenario: Scenario, motion: Motion, range_std: float) -> float:
+    """How much ranges bend along the axis that they determine the least, in units of their noise.
+
+    Over what they and the motion leave open there in the long run. As in `bending`, but each axis has as much of a
+    range as it has of the box around the agents.
+    """
+    low, high = (corner[: motion.axes] for corner in start.box(scenario))
+    sides, half, step = (high - low) ** 2, start.half_box(scenario), motion.acceleration_std * scenario.dt**2
+    most = 0.0
+    for part in (sides[sides > 0.0] / sides.sum()).tolist():
+        share = range_std**2 / (scenario.count * part)
+        before = _uncertain(step, share)
+        after = before * share / (before + share)
+        most = max(most, after * (1.0 - part) / (2.0 * half) / range_std)
+    return most
+
+
 def bending(scenario: Scenario, motion: LinearMotion, range_std: float, dt: float) -> tuple[float, float]:
     """How uncertain the position gets in a step of dt (s), m, and how much ranges bend there, in units of their noise.
 
@@ -72,9 +89,16 @@ def bending(scenario: Scenario, motion: LinearMotion, range_std: float, dt: floa
     alpha-beta-gamma target trackers, IEEE Trans. AES 20). A range over a distance d, here half of the box around the
     agents, bends by the square of it over 2 d.
     """
-    share = range_std**2 * motion.axes / scenario.count
-    index = motion.acceleration_std * dt**2 / sqrt(share)
-    kept = 4.0 / (4.0 + index + sqrt(8.0 * index + index**2))  # Its square: what a range leaves of the variance.
-    uncertain = sqrt(share * (kept**-2 - 1.0))
+    uncertain = sqrt(_uncertain(motion.acceleration_std * dt**2, range_std**2 * motion.axes / scenario.count))
     half = start.half_box(scenario)
     return uncertain, uncertain**2 / (2.0 * half) / range_std if half else 0.0
+
+
+def _uncertain(step: float, share: float) -> float:
+    """The variance, m^2, before the ranges of a step, of which an axis has one of the variance share (m^2).
+
+    step: q dt^2, m.
+    """
+    index = step / sqrt(share)
+    kept = 4.0 / (4.0 + index + sqrt(8.0 * index + index**2))  # Its square: what a range leaves of the variance.
+    return float(share * (kept**-2 - 1.0))

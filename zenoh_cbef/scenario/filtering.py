@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
+
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust
@@ -19,8 +21,11 @@ from zenoh_cbef.scenario.motion import (
     switches,
 )
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.elimination import BY_ELIMINATION
 from zenoh_cbef.tracking.filters import Abilities, abilities_of
+from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import BY_LIBRARY
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space
 
@@ -113,9 +118,11 @@ class Filtering:
         return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
     @property
-    def splits(self) -> bool:
-        """Whether each of several motions keeps several hypotheses, of agents that tell each other their ranges."""
-        return self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13
+    def splits(self) -> int:
+        """How each motion's hypotheses are split, of agents that tell each other their ranges; 0: it keeps one."""
+        if self.tells_ranges and telling.leaves_curves(self.scenario, self.models or (self.motion,), self.range_std):
+            return CLOSELY
+        return ROUGHLY * (self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13)
 
     @alike
     def plain_motion(self) -> LinearMotion:
@@ -203,7 +210,9 @@ class Filtering:
             differenced=chosen.measurement == "difference",
             power=self.power,
             widens=trust.widens(scenario, power=self.power, wide=bool(self.models) or self.squares),
+            least=0.0 if chosen.defaults > 14 else -np.inf,
             options=chosen.options or {},
+            inversion=BY_ELIMINATION if chosen.defaults > 14 else BY_LIBRARY,
         )
 
     def _measuring(self, settings: FilterSettings) -> FilterSettings:
@@ -211,7 +220,8 @@ class Filtering:
         scenario, chosen, biased = self.scenario, self.scenario.filter, self.bias != "none"
         joint = biased and trust.shares_biases(scenario)
         single = not (self.models or self.squares or self.tells_ranges)
-        doubts = single and trust.doubts_noise(scenario)
+        able = single or not (self.tells_ranges or chosen.defaults < 15 or trust.real(scenario))
+        doubts = able and trust.doubts_noise(scenario, several=bool(self.models))
         return replace(
             settings,
             recovers=start.implausible_share(scenario) if chosen.recovery else 0.0,
@@ -219,6 +229,7 @@ class Filtering:
             bias=self.bias,
             joint_biases=joint,
             likelihoods=trust.rules(scenario) > 1,
+            weighs_lasting=chosen.defaults > 14,
             common_bias_std=trust.common_bias_std(scenario, self.range_std, joint=joint),
             own_bias_std=trust.own_bias_std(scenario, self.range_std),
             scale_std=trust.scale_std(scenario) if joint else 0.0,
@@ -235,6 +246,7 @@ class Filtering:
         """With what finds the target, at first and again, and says what the estimate is."""
         scenario, chosen, able, tells = self.scenario, self.scenario.filter, self.abilities, self.tells_ranges
         window = 0 if self.seeks else start.window(scenario, self.settling_steps)
+        mirrored = bending.mirrored(scenario, self.range_std, self.space.axes)
         pauses = not tells and bending.may_pause(scenario, self.plain_motion, self.range_std)
         return replace(
             settings,
@@ -242,6 +254,7 @@ class Filtering:
             says_status=chosen.status and able.information,
             judges_agents=chosen.status_rules > 1,
             hearing=self.settling_steps * network.counts_hearers(scenario),
+            calls_roll=network.calls_roll(scenario),
             rounds=scenario.consensus.rounds,
             reacquires=window,
             spreading=start.spreading(scenario, window),
@@ -253,7 +266,7 @@ class Filtering:
             cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
             undetermined=chosen.defaults > 13 and bending.undetermined(scenario, self.range_std, self.space.axes),
-            sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes),
+            sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes, mirrored=mirrored),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             first_fix=self.first_fix_steps,
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),

@@ -10,7 +10,7 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.motion import LinearMotion, Motion, MotionSettings, NearlyConstantVelocity, make_motion
 
-_RECORDED_ACCELERATION = 1.0
+RECORDED_ACCELERATION = 1.0
 """Acceleration of a real target where the scenario gives none, m/s^2: a walking person, a trolley, a slow vehicle."""
 
 _INDEX, _CALM, _AGILE = 0.5, 0.01, 10.0
@@ -25,6 +25,9 @@ far too small or too large for a turn that is not quite round, so the first is o
 
 _CALMEST = 0.002
 """The index of the calm motions since rules 14. Ranges of a few hundred steps hardly tell it from smaller ones."""
+
+_ROUND = 2.0
+"""By how many times its velocity a target changes it that turns round."""
 
 _LASTING, _OFTEN, _ALWAYS = 0.005, 0.03, 0.3
 """How likely a target leaves its motion in a step: a few times in a run, in a turn, and as soon as it begins another.
@@ -76,6 +79,8 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
         return tuple(make_motion(name, replace(settings, **keys)) for name, keys in zip(names, given, strict=True))
     calm = _noise(scenario, range_std, _CALM) if chosen.acceleration_std is None else chosen.acceleration_std
     middle, agile = (one / _CALM * calm for one in (_INDEX, _AGILE))
+    if chosen.acceleration_std is None and chosen.defaults > 14:
+        agile = max(agile, turning_round(scenario))
     if chosen.acceleration_std is None and chosen.defaults > 13:
         calm = _noise(scenario, range_std, _CALMEST)
     between = [("ncv", (middle * agile) ** 0.5)] if told and chosen.defaults > 12 else []
@@ -134,6 +139,15 @@ def plain_motion(motions: Sequence[Motion], otherwise: Motion) -> LinearMotion:
     return NearlyConstantVelocity(otherwise.dt, otherwise.acceleration_std, otherwise.axes)
 
 
+def turning_round(scenario: Scenario) -> float:
+    """The acceleration, m/s^2, that turns a target round in one step, as far as its velocity is known at first.
+
+    In steps of a tenth of a second the most agile index allows for far more; in long ones, by ranges and step alone, a
+    target could hardly turn.
+    """
+    return _ROUND * float(start.initial_std(scenario)[3]) / scenario.dt
+
+
 def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings:
     chosen = scenario.filter
     return MotionSettings(
@@ -155,7 +169,7 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
     of_target = target.motion == "ncv" and not _begins_at_rest(scenario)
     if of_target or (scenario.filter.defaults == 1 and target.motion != "dataset"):
         return target.acceleration_std
-    return _RECORDED_ACCELERATION if target.motion == "dataset" else _noise(scenario, range_std, _INDEX)
+    return RECORDED_ACCELERATION if target.motion == "dataset" else _noise(scenario, range_std, _INDEX)
 
 
 def _begins_at_rest(scenario: Scenario) -> bool:

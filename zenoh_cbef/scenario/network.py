@@ -50,8 +50,12 @@ def tells_members(scenario: Scenario) -> bool:
     if chosen != "auto":
         return chosen
     isolates = scenario.filter.defaults > 11 and trust.isolates(scenario)
-    few = scenario.count <= FEW and not scenario.consensus.trigger
-    return (parts(scenario) or isolates) and few and scenario.filter.defaults > 10
+    return (parts(scenario) or isolates) and calls_roll(scenario) and scenario.filter.defaults > 10
+
+
+def calls_roll(scenario: Scenario) -> bool:
+    """Whether each agent may have a number in every payload: there are few, and none keeps silent about a change."""
+    return scenario.count <= FEW and not scenario.consensus.trigger
 
 
 def parts(scenario: Scenario) -> bool:
@@ -60,20 +64,26 @@ def parts(scenario: Scenario) -> bool:
 
 
 def counts_hearers(scenario: Scenario) -> bool:
-    """Whether few agents count how many hear the target, as receivers may be out of its reach, or fall silent."""
+    """Whether agents count how many hear the target, as receivers may be out of its reach, or fall silent.
+
+    By the fourteenth rules only few of them, that do not keep silent.
+    """
     silent = scenario.sensor.reach is not None or any(isinstance(fault, SensorDropout) for fault in scenario.fault)
     asked = scenario.filter.status and scenario.filter.defaults > 13 and scenario.consensus.rounds > 0
-    few = scenario.count <= FEW and not scenario.consensus.trigger
-    return silent and asked and few and not trust.real(scenario)
+    able = calls_roll(scenario) or scenario.filter.defaults > 14
+    return silent and asked and able and not trust.real(scenario)
 
 
-def may_be_in_a_plane(scenario: Scenario, axes: int) -> bool:
+def may_be_in_a_plane(scenario: Scenario, axes: int, *, mirrored: bool) -> bool:
     """Whether all agents, or a group that is cut off from others, may be as few as make a plane, or a line of two axes.
+
+    Or, by the fifteenth rules, all are in one, wherever a seed places them (mirrored).
 
     For agents that say what their estimates are, and do not presume to be on the side that they are on.
     """
     asked = scenario.filter.status and scenario.consensus.rounds > 0 and not trust.presumes(scenario)
-    return asked and scenario.count >= axes and (scenario.count == axes or tells_members(scenario))
+    may = scenario.count == axes or tells_members(scenario) or (mirrored and scenario.filter.defaults > 14)
+    return asked and scenario.count >= axes and may
 
 
 def in_range(scenario: Scenario) -> Bools:

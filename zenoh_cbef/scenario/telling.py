@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import sqrt
 
 import numpy as np
 
 from zenoh_cbef.scenario import bending, near_plane, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.motion import turning_round
 from zenoh_cbef.tracking.filters import abilities_of
-from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.motion import Motion, NearlyConstantVelocity
 
 
 def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int) -> bool:
@@ -24,6 +26,8 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     if not _may(scenario, agile.axes + (not several)):
         return False
     if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
+        return True
+    if leaves_curves(scenario, motions, range_std):
         return True
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     needs = len(motions) == 1 or heard < agile.axes + 1 or (several and network.parts(scenario))
@@ -52,19 +56,50 @@ def may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
 
     Of a wrong receiver only if the others are as few as the unknowns: then no other agent proves which it is.
 
-    Only where the scenario leaves it to agents how they find their target, every range comes to every agent in its
-    step, whatever the graph, and the noise of ranges is known: what learns it stands around other filters. Biases that
-    the scenario tells of, and mirror images, are better estimated without.
+    Only where the scenario leaves it to agents how they find their target. Mirror images are better estimated without.
     """
     chosen, sensor = scenario.filter, scenario.sensor
     if chosen.defaults < 13:
         return False
     none_to_spare = trust.errs(scenario) and scenario.count == axes + 2
     wrong = sensor.outlier_probability > 0.0 or none_to_spare or start.bends_over_guess(scenario)
+    wanted = chosen.start != "given" and chosen.reacquire
+    return wrong and _comes(scenario) and wanted and not _flat(scenario, range_std, axes)
+
+
+def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: float) -> bool:
+    """Whether a Gaussian may not say what ranges leave open, as that is a curve, or several places.
+
+    Where receivers may fall silent, and where ranges bend over what motion and geometry leave open. Of several motions
+    the most agile one is assumed seldom, so there it takes more: over one half as agile ranges bend, which all do
+    alike, by more than the noise of their mean; or steps are so long that the target may turn round in one.
+    """
+    agile = motions[-1]
+    if scenario.filter.defaults < 15 or not _comes(scenario):
+        return False
+    if network.counts_hearers(scenario):
+        return True
+    if len(motions) > 1:
+        between = sqrt(motions[-2].acceleration_std * agile.acceleration_std)
+        motion = NearlyConstantVelocity(scenario.dt, between, agile.axes)
+        bend = bending.bending(scenario, motion, range_std, scenario.dt)[1]
+        return bend * sqrt(scenario.count) > bending.MOST or agile.acceleration_std <= turning_round(scenario)
+    flat = _flat(scenario, range_std, agile.axes)
+    return not flat and bending.weakest(scenario, agile, range_std) > bending.STRAIGHT
+
+
+def _comes(scenario: Scenario) -> bool:
+    """Whether every range comes to every agent in its step, whatever the graph, with an error that is noise as known.
+
+    What learns a noise stands around other filters, and biases that are drawn are better estimated without.
+    """
     everywhere = scenario.consensus.rounds >= scenario.count - 1
-    known = chosen.range_std is None and sensor.bias_std == 0.0
-    flat = near_plane.flat(scenario, range_std, axes)
-    return wrong and everywhere and known and chosen.start != "given" and chosen.reacquire and not flat
+    return everywhere and scenario.filter.range_std is None and scenario.sensor.bias_std == 0.0
+
+
+def _flat(scenario: Scenario, range_std: float, axes: int) -> bool:
+    """Whether agents are in one plane, or near one, so that a mirror image fits their ranges."""
+    return bending.mirrored(scenario, range_std, axes) or near_plane.plane(scenario, range_std, axes) is not None
 
 
 def _explained(scenario: Scenario) -> bool:

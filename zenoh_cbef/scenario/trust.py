@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zenoh_cbef.faults import SenderFault, SensorFault
+from zenoh_cbef.faults import Fault, SenderFault, SensorDropout, SensorFault, SensorSpikes, SensorStuck
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.filters.models import joint_biases
@@ -53,12 +53,12 @@ def lasts(scenario: Scenario) -> bool:
     return scenario.target.motion == "dataset" and chosen.defaults > 3 and known
 
 
-def doubts_noise(scenario: Scenario) -> bool:
+def doubts_noise(scenario: Scenario, *, several: bool) -> bool:
     """Whether agents compare the noise that they begin with, with half and double of it: where ranges are recorded.
 
-    And where a filter that saturates is told a noise of emulated ranges, of a target that moves as it assumes. Not of
-    live receivers: of those a scenario often tells an acceleration that is too small. An estimate that lags has large
-    innovations, and to trust ranges less would make it lag the more.
+    And where a filter that saturates is told a noise of emulated ranges, of a target that moves as it assumes, or by
+    one of several motions. Not of live receivers: of those a scenario often tells an acceleration that is too small. An
+    estimate that lags has large innovations, and to trust ranges less would make it lag the more.
     """
     chosen = scenario.filter
     if scenario.target.motion == "dataset":
@@ -67,13 +67,15 @@ def doubts_noise(scenario: Scenario) -> bool:
     told = isinstance(chosen.range_std, float) and chosen.defaults > 6 and not real(scenario)
     able = abilities_of(chosen.kind)
     known = able.biases and able.saturates and chosen.measurement == "range" and chosen.acceleration_std is None
-    return told and known and scenario.target.motion == "ncv" and chosen.motion in ("auto", "ncv")
+    assumed = scenario.target.motion == "ncv" and chosen.motion in ("auto", "ncv")
+    return told and known and (assumed or several)
 
 
 def may_be_biased(scenario: Scenario) -> bool:
     """Whether ranges may have a constant error: where they are real, or the scenario says so."""
     sensor = scenario.sensor
-    return bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0 or _at_fault(scenario) or real(scenario)
+    told = bool(np.any(np.array(sensor.bias))) or sensor.bias_std > 0.0
+    return told or _lastingly_at_fault(scenario) or real(scenario)
 
 
 def may_be_wrong(scenario: Scenario) -> bool:
@@ -158,10 +160,11 @@ def scale_std(scenario: Scenario) -> float:
 def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:
     """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
 
-    Auto: 2 where ranges have outliers, or may have them untold. These are real ones, by the first rules
-    (filter.defaults) only if biases are estimated or weighed (biased) and the noise is given: at a level of 1.5, good
-    ranges looked alike otherwise. By today's they are also those of a network that begins with a first fix (fixed) and
-    whose target moves as its filter assumes: from a wrong place, or after a turn, good ranges look alike, too.
+    Auto: 2 where ranges have outliers, by the fifteenth rules also spikes, or may have them untold. These are real
+    ones, by the first rules (filter.defaults) only if biases are estimated or weighed (biased) and the noise is given:
+    at a level of 1.5, good ranges looked alike otherwise. By today's they are also those of a network that begins with
+    a first fix (fixed) and whose target moves as its filter assumes: from a wrong place, or after a turn, good ranges
+    look alike, too.
     """
     chosen = scenario.filter
     if chosen.saturation != "auto":
@@ -171,7 +174,8 @@ def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:
         untold = not trusted
     else:
         untold = fixed and chosen.defaults > 2 and scenario.target.motion == "ncv" and chosen.motion == "auto"
-    return 2 if scenario.sensor.outlier_probability > 0.0 or untold else 1
+    told = scenario.sensor.outlier_probability > 0.0 or (chosen.defaults > 14 and _has(scenario, SensorSpikes))
+    return 2 if told or untold else 1
 
 
 def widens(scenario: Scenario, *, power: int, wide: bool) -> bool:
@@ -218,7 +222,7 @@ def isolates(scenario: Scenario) -> bool:
 
 
 def _has_liars(scenario: Scenario) -> bool:
-    return any(isinstance(one, SenderFault) for one in scenario.fault)
+    return _has(scenario, SenderFault)
 
 
 def errs(scenario: Scenario) -> bool:
@@ -226,5 +230,20 @@ def errs(scenario: Scenario) -> bool:
     return any(isinstance(one, SensorFault) and one.error > 0.0 for one in scenario.fault)
 
 
+def _lastingly_at_fault(scenario: Scenario) -> bool:
+    """Whether receivers will have faults that make ranges wrong for long; by the fourteenth rules any faults.
+
+    A receiver that is silent is not wrong, spikes are outliers, and one that is stuck gives itself away.
+    """
+    if scenario.filter.defaults < 15:
+        return _at_fault(scenario)
+    passing = SensorDropout, SensorSpikes, SensorStuck
+    return any(isinstance(one, SensorFault) and not isinstance(one, passing) for one in scenario.fault)
+
+
 def _at_fault(scenario: Scenario) -> bool:
-    return any(isinstance(one, SensorFault) for one in scenario.fault)
+    return _has(scenario, SensorFault)
+
+
+def _has(scenario: Scenario, kind: type[Fault]) -> bool:
+    return any(isinstance(one, kind) for one in scenario.fault)

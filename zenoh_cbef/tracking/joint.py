@@ -19,7 +19,7 @@ from zenoh_cbef.tracking.filters.information_form import saturated_precision, sa
 from zenoh_cbef.tracking.filters.models.biased_information import forgetting
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import linear
-from zenoh_cbef.tracking.ranging import Measurement, nobody, own_range
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours, own_range
 from zenoh_cbef.tracking.reference import Ranges, each_step, stacked
 from zenoh_cbef.tracking.switching import Switching
 
@@ -71,7 +71,7 @@ def _first_fix(settings: FilterSettings, xi: float, fix: Belief, step: Ranges) -
         np.where(known[:, :, None], step.position, 0.0).reshape(rows, 3),
         np.where(known, step.range, np.nan).ravel(),
         step.age.ravel(),
-        *nobody(rows),
+        *no_neighbours(rows),
         step.std.ravel(),
     )
     # The filter that follows is `_Joint`: the one that stands here is not asked.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -33,6 +34,34 @@ def inverse(matrices: Floats) -> Floats:
     doubled = inverted + inverted.swapaxes(-1, -2)
     doubled *= 0.5
     return np.asarray(doubled)
+
+
+@dataclass(frozen=True)
+class Inversion:
+    """How a filter inverts information matrices and covariances: by the library."""
+
+    def inverse(self, matrices: Floats) -> Floats:
+        """As the function `inverse`, of symmetric matrices (n, s, s)."""
+        return inverse(matrices)
+
+    def if_definite(self, matrices: Floats) -> Floats | None:
+        """The inverses of symmetric matrices (n, s, s); None unless all of them are positive definite."""
+        try:
+            np.linalg.cholesky(matrices)
+            return inverse(matrices)
+        except np.linalg.LinAlgError:
+            return None
+
+    def information(self, rows: Floats, noise: Floats, values: Floats) -> tuple[Floats, Floats]:
+        """What values (n, k) of covariance (n, k, k) tell of x: H^T R^-1 y (n, s) and H^T R^-1 H (n, s, s).
+
+        rows: H, (n, k, s).
+        """
+        gain = rows.swapaxes(1, 2) @ inverse(noise)
+        return matvec(gain, values), gain @ rows
+
+
+BY_LIBRARY = Inversion()
 
 
 def inverse_if_any(matrices: Floats) -> Floats:
@@ -69,7 +98,7 @@ def neighbour_sum(terms: Floats) -> Floats:
 
 
 @cache
-def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Where the upper triangle stands in a matrix laid out flat, and where each entry of the matrix stands in it."""
     rows, columns = np.triu_indices(size)
     place = np.empty((size, size), dtype=np.intp)
@@ -80,9 +109,9 @@ def _upper(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 def pack_upper(matrices: Floats) -> Floats:
     """The upper triangles of symmetric matrices, row by row: (n, s, s) to (n, s(s+1)/2)."""
     count, size, _ = matrices.shape
-    return matrices.reshape(count, size * size).take(_upper(size)[0], axis=1)
+    return matrices.reshape(count, size * size).take(upper(size)[0], axis=1)
 
 
 def unpack_upper(packed: Floats, size: int) -> Floats:
     """Inverse of pack_upper: (n, s(s+1)/2) to (n, s, s)."""
-    return packed.take(_upper(size)[1], axis=1).reshape(len(packed), size, size)
+    return packed.take(upper(size)[1], axis=1).reshape(len(packed), size, size)

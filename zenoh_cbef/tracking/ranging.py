@@ -22,9 +22,10 @@ class Measurement:
     the noise of the own range, where it differs from the filter's setting. step: its number, None where that is no
     matter. lasting: (n,), how many own ranges say as much as one whose error is independent; None: each does.
     followed: (n,), m^2, by how much an innovation's variance is smaller as the estimate follows such errors; None: not
-    at all. agent: (n,), the agents' numbers, None where those are no matter. few: (n,), which agents hear so few others
-    that their ranges do not tell where the target is; None: none. overcounted: (n,), how often n times an agent's
-    average counts a range that the network has once; None: once.
+    at all. alike: (n,), the correlation of an error with those before it, from 0 on; None: not known. agent: (n,), the
+    agents' numbers, None where those are no matter. few: (n,), which agents hear so few others that their ranges do not
+    tell where the target is; None: none. overcounted: (n,), how often n times an agent's average counts a range that
+    the network has once; None: once.
     """
 
     position: Floats
@@ -36,12 +37,13 @@ class Measurement:
     step: int | None = None
     lasting: Floats | None = None
     followed: Floats | None = None
+    alike: Floats | None = None
     agent: Ints | None = None
     few: Bools | None = None
     overcounted: Floats | None = None
 
 
-def nobody(agents: int) -> tuple[Floats, Floats]:
+def no_neighbours(agents: int) -> tuple[Floats, Floats]:
     """The neighbours' positions and ranges of agents that are told none."""
     return np.empty((agents, 0, 3)), np.empty((agents, 0))
 

@@ -1,35 +1,28 @@
-"""The agent process: measures, exchanges rounds with its neighbours, publishes its estimate."""
+"""An agent: measures, exchanges rounds with its neighbours, publishes its estimate."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from functools import partial
 from math import nan
 
 import numpy as np
 
-from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import ahead, clocks_of
-from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.agent.afterwards import Afterwards
-from zenoh_cbef.nodes.agent.entrance import Entrance, Entry
+from zenoh_cbef.nodes.agent.entrance import Entry
 from zenoh_cbef.nodes.agent.neighbour import Neighbourhood
 from zenoh_cbef.nodes.agent.news import News
 from zenoh_cbef.nodes.agent.signals import Signals
 from zenoh_cbef.nodes.agent.vicinity import Vicinity
 from zenoh_cbef.nodes.common.alarm import Alarm
-from zenoh_cbef.nodes.common.briefing import brief
-from zenoh_cbef.nodes.common.ending import Ending
 from zenoh_cbef.nodes.common.inbox import Stopped
-from zenoh_cbef.nodes.common.links import Links
-from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.own_ring import OwnRing
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import beacon_inbox
 from zenoh_cbef.nodes.common.rejections import Rejections
 from zenoh_cbef.nodes.common.standstill import die, stand_still
-from zenoh_cbef.nodes.common.succession import Succession
 from zenoh_cbef.protocol.bodies import estimate_body, range_body
 from zenoh_cbef.protocol.outbox import Outbox
 from zenoh_cbef.protocol.short import codec_of
@@ -271,37 +264,3 @@ class Agent:
         )
         if self._ring is not None:
             self._ring.end()
-
-
-def run_agent(identity: Identity, report: Callable[[str], None] = lambda _: None) -> int:
-    """Run one agent process to the end of its run; returns the last step. report: gets "joined", then "began"."""
-    with Node(identity) as node:
-        briefing = brief(node)
-        text, scenario, agent = briefing.text, briefing.scenario, int(identity.name)
-        if agent >= scenario.count:
-            raise UserError(f"run {identity.run!r} has agents 0 to {scenario.count - 1}, no agent {agent}")
-        node.claim_name()
-        report("joined")
-        succession = Succession(node.presence, node.stop)
-        process = Agent(node, briefing.plan, agent)
-        require(links=len(process.neighbourhood.ids) + 1 + scenario.record.awaited)
-        if text.faults:
-            process.inject(text.faults)
-        node.presence.enter(f"agent/{identity.name}")
-        process.vicinity.step = text.step or 0
-        Links(node, process.vicinity).keep()
-        entry = Entrance(process, None if text.step is None else text.agents, briefing.clock).wait()
-        if entry is not None:
-            report("began")
-        last = 0 if entry is None else process.run(entry)
-        if succession.replaced:
-            # Another process may have this agent's name by now: no more words in it.
-            node.presence.withdraw()
-            Ending("again").tell()
-            raise UserError(
-                f"the target of run {identity.run!r} was started again, so the run of agent {agent} is over after step "
-                f"{last}; start the agent again, too"
-            )
-        process.finish(last)
-        node.presence.leave(f"agent/{identity.name}")
-    return last

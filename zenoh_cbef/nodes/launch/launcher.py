@@ -25,6 +25,8 @@ from zenoh_cbef.protocol.runtimes import ONE_RUNTIME, RUNTIME
 from zenoh_cbef.scenario.load import Loaded
 
 _POLITE_SECONDS = 6.0
+_UNBEGUN_SECONDS = 1.0
+"""How long agents may take to end that perhaps never met the target, and would wait for one."""
 _LAST_SECONDS = 3.0
 _ENDING_SECONDS = 20.0
 """How long the other processes may take to end after the target: their last words take ten at most."""
@@ -225,7 +227,7 @@ class Launcher:
                 hung = [name for name in self._processes if name not in self._ended]
                 self.kill()
                 self.deaths += [Death(name, 0, "it did not answer any more") for name in hung]
-            elif waited > _POLITE_SECONDS:
+            elif waited > (_POLITE_SECONDS if self.started or "target" not in self._ended else _UNBEGUN_SECONDS):
                 self._terminate(set(self._processes))
         elif asked and "target" not in self._ended:
             # The target ends the run for all at the same step.

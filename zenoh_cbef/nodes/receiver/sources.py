@@ -77,7 +77,7 @@ def udp_bytes(place: str, stop: Stop) -> Heard:
 def file_bytes(place: str, stop: Stop) -> Heard:
     """What a file holds."""
     try:
-        stream = Path(place).open("rb")  # noqa: SIM115 - closed by who reads it to its end
+        stream = Path(place).open("rb")  # noqa: SIM115 - closed by the caller that reads it to its end
     except OSError as error:
         raise UserError(f"cannot read {place}: {error.strerror}; name a file") from None
 

@@ -1,4 +1,4 @@
-"""The target process: emits the beacons, emulates what the receivers measure, serves the scenario, ends the run."""
+"""The target: emits the beacons, emulates what the receivers measure, lets agents in, ends the run."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf
 
-from zenoh_cbef import __version__
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.faults import Absence, SensorFault
-from zenoh_cbef.machine import require
-from zenoh_cbef.nodes.common.node import Identity, Node
+from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.pace import Pace
 from zenoh_cbef.nodes.common.readers import WINDOW
 from zenoh_cbef.nodes.target.emission import Emission
@@ -21,21 +19,16 @@ from zenoh_cbef.nodes.target.injection import Injection, RealTime, StepTime
 from zenoh_cbef.nodes.target.linking import linked_by
 from zenoh_cbef.nodes.target.lookout import Lookout
 from zenoh_cbef.nodes.target.progress import Progress
-from zenoh_cbef.nodes.target.services import served
 from zenoh_cbef.nodes.target.signalling import Signalling
 from zenoh_cbef.nodes.target.strangers import Strangers
 from zenoh_cbef.nodes.target.survey import Survey
-from zenoh_cbef.outside.registry import registered
 from zenoh_cbef.protocol.claims import Claims
 from zenoh_cbef.protocol.directory import Directory
 from zenoh_cbef.protocol.keys import agent_named
-from zenoh_cbef.protocol.scenario_service import ScenarioText
 from zenoh_cbef.protocol.slow import SLOW
 from zenoh_cbef.protocol.tokens import is_recorder
 from zenoh_cbef.scenario import Scenario
-from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.scenario.size import refuse_too_many_processes
 from zenoh_cbef.scenario.world import World, make_world
 
 _LAST_WORD_SECONDS, _ALONE_SECONDS = 5.0, 30.0
@@ -262,41 +255,3 @@ class Target:
         )
         # Agents wait for the end signal only while the target is there.
         self.node.presence.wait(lambda live: all(agent_named(name) is None for name in live), _LAST_WORD_SECONDS)
-
-
-def run_target(
-    identity: Identity,
-    loaded: Loaded,
-    world: World | None = None,
-    *,
-    receivers: bool = False,
-    wait_for: int | None = None,
-) -> int:
-    """Run the target process of a scenario to its end; returns the last step.
-
-    world: what is measured, None for what the scenario says. receivers, wait_for: see Target.
-    """
-    refuse_too_many_processes(loaded.scenario)
-    require(links=loaded.scenario.count + loaded.scenario.record.awaited)
-    with Node(identity) as node:
-        node.refuse_twin()
-        emulated = make_world(loaded.scenario) if world is None else world
-        how = {"recorded": world is not None, "receivers": receivers}
-        target = Target(node, loaded.plan, emulated, **how, wait_for=wait_for)
-        resolved = to_toml(loaded.scenario)
-
-        def text() -> ScenarioText:
-            injected = "" if target.injection is None else target.injection.tables()
-            # Where the target does not wait for all, every agent joins as if the run were under way.
-            step = target.step if target.step is not None or wait_for is None else 0
-            members = () if target.step is None else tuple(target.members())
-            return ScenarioText(loaded.source, resolved, __version__, step, members, injected)
-
-        reached = [*identity.connection.listen, *identity.connection.connect]
-        with served(target, text):
-            node.presence.enter(f"target/{identity.name}")
-            with registered(identity.run, reached, launched=node.launched):
-                target.wait_for_agents(identity.patience)
-                last = 0 if node.stopping else target.run()
-        node.presence.leave(f"target/{identity.name}")
-    return last

@@ -175,7 +175,7 @@ def _innermost(kind: str, settings: FilterSettings, xi: float) -> Filter:
 def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
     """The filter that estimates biases, or weighs them beside the plain one."""
     of_one = (JointBiases if settings.joint_biases else BiasedInformation).of
-    evidence = Evidence(settings.likelihoods, settings.recorded)
+    evidence = Evidence(settings.likelihoods, settings.recorded, lasting=settings.weighs_lasting)
     biased: BiasedInformation | JointBiases | AutoBias = of_one(replace(settings, scale_std=0.0), xi)
     if settings.scale_std:
         biased = AutoBias(biased, JointBiases.of(settings, xi), SQUARES)

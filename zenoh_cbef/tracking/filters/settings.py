@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Space
 
@@ -29,6 +32,7 @@ class FilterSettings:
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
     fit, or ranges, and whether only those that hear ranges vote for another fix. hearing: for
     how many steps after a range an agent counts as one that hears the target; 0: agents do not count those.
+    calls_roll: whether they count by a number for each, or by one alone.
     rounds: of a step. reacquires: how many steps another fix takes, 0 for none; spreading: in how many steps all
     agents know a decision; anywhere: where that fix looks
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
@@ -40,7 +44,8 @@ class FilterSettings:
     agents presume that ranges fit and that all others are there until they know better. undetermined: whether their
     places leave open where the target is, so that they never say that they track it. sides: whether they say so
     when they do not know on which side of them the target is. bias: none,
-    estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; common_bias_std, own_bias_std: its
+    estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; weighs_lasting:
+    whether the more, the less alike errors are; common_bias_std, own_bias_std: its
     prior, m. scale_std: prior of the share by which all ranges may be too long, besides joint biases; 0: by none.
     told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
     none is forgotten. joint_biases:
@@ -52,11 +57,12 @@ class FilterSettings:
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
     whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
-    the target elsewhere; splits: and keeps several hypotheses of each of several motions. ties: squares are tied to the
-    place that ranges tell (tying.py). plane: that they are near, a point of it and its normal; None: near none, or
-    mirror images are no matter. outliers: what share of the ranges are
-    too long, and by how much (m) on average, where the scenario tells so and a first fix takes it into account.
-    options: of a kind of another package, `filter.options`.
+    the target elsewhere; splits: how it splits hypotheses, of which it keeps several of each motion then (see
+    splitting.py), 0: it does not. plane: that they are near, a point of it and its normal; None: near none, or mirror
+    images are no matter. outliers: what share of the ranges are too long, and by how much (m) on average, where the
+    scenario tells so and a first fix takes it into account.
+    options: of a kind of another package, `filter.options`. inversion: how sicf and a first fix invert matrices.
+    least: a range below it, m, is none where ranges are squared, as its square is another one's.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
     rules before the fourth, see there.
     """
@@ -76,6 +82,7 @@ class FilterSettings:
     says_status: bool = False
     judges_agents: bool = True
     hearing: int = 0
+    calls_roll: bool = True
     rounds: int = 0
     reacquires: int = 0
     spreading: int = 1
@@ -91,6 +98,7 @@ class FilterSettings:
     anywhere: tuple[Floats, Floats] | None = None
     bias: str = "none"
     likelihoods: bool = True
+    weighs_lasting: bool = False
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
     scale_std: float = 0.0
@@ -112,12 +120,13 @@ class FilterSettings:
     squares: bool = False
     tells_ranges: bool = False
     seeks: bool = False
-    splits: bool = False
-    ties: bool = False
+    splits: int = 0
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
+    least: float = -np.inf
     options: Mapping[str, object] = field(default_factory=dict)
+    inversion: Inversion = BY_LIBRARY
 
     @property
     def constants(self) -> int:

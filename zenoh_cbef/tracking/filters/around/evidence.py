@@ -30,6 +30,9 @@ _EXPLAINED = (1.05, 1.25)
 _TIMES = (3.0, 4.0)
 """How many times the biased filter's cost the plain filter's must be, likewise, whatever noise was told."""
 
+_FOLLOWED = 0.1
+"""Least share of that gain of which errors that last are taken to be the reason."""
+
 _SMALL = 0.02
 """With which cost the ranges begin that the weighing begins with, so that they hide no such ratio for long."""
 
@@ -56,6 +59,11 @@ class Evidence:
 
         weight = step(mean l_0; 0.8, 1) step(mean l_0/mean l_1; 1.05, 1.25)
 
+    Slow errors are followed as far as they last: a range then gains -ln(1 - c^2) at most, where c is the correlation of
+    an error with those before it. So with `lasting` a gain counts the more, the less alike errors are:
+
+        l_0, l_1 of agent i are divided by clip(-ln(1 - c_i^2), 0.1, 1)
+
     With `squares` the second factor alone decides, whatever noise was told, as between two filters with biases: slow
     errors are followed by both.
 
@@ -65,6 +73,7 @@ class Evidence:
     likelihoods: bool = True
     ratios: bool = False
     squares: bool = False
+    lasting: bool = False
 
     def begun(self, count: int) -> Floats:
         """The sums before the first range, (n, 3)."""
@@ -73,8 +82,11 @@ class Evidence:
             sums[:, :2] *= _SMALL
         return sums
 
-    def of(self, plain: Innovations, biased: Innovations) -> Floats:
-        """What ranges say: l_0, l_1 and 1 where there was one, otherwise zeros; (..., 3)."""
+    def of(self, plain: Innovations, biased: Innovations, alike: Floats | None = None) -> Floats:
+        """What ranges say: l_0, l_1 and 1 where there was one, otherwise zeros; (..., 3).
+
+        alike: correlations of errors with those before them, below 1, (...); None: not known.
+        """
         first, second = (np.nan_to_num(nis) for _, nis in (plain, biased))
         gained = np.zeros_like(first)
         if self.likelihoods:
@@ -89,6 +101,9 @@ class Evidence:
             np.minimum(first, LARGEST) + np.maximum(gained, 0.0),
             np.minimum(second, LARGEST) - np.minimum(gained, 0.0),
         )
+        if self.lasting and alike is not None:
+            followed = np.clip(-np.log(1.0 - alike**2), _FOLLOWED, 1.0)
+            cut = cut[0] / followed, cut[1] / followed
         return np.stack([*cut, np.isfinite(plain[1]).astype(np.float64)], axis=-1)
 
     def weight(self, sums: Floats) -> Floats:

@@ -81,6 +81,12 @@ class Receiver:
         return np.clip(np.sin(0.5 * np.pi * self.agreed / self.pairs), 0.0, _MOST)
 
     @property
+    def surely(self) -> Floats:
+        """No less than that correlation, (n,): as if the pairs that an agent begins with had been all alike."""
+        begun = _BEGIN * (1.0 - 1.0 / _MEMORY) ** self.seen
+        return np.clip(np.sin(0.5 * np.pi * np.minimum((self.agreed + begun) / self.pairs, 1.0)), 0.0, _MOST)
+
+    @property
     def larger(self) -> Floats:
         """How many times as large as they should be the squares of innovations are, (n,), from 1 on."""
         return np.maximum(self.sizes / self.counted, 1.0)
@@ -236,7 +242,8 @@ class LastingErrors(Wrapping):
         told = [known.large] * self.learns + [factor * known.larger if self.weighs else factor] * self.claims
         if self.claims:
             factor = np.ones_like(factor)
-        update = self.filter.update(inner, replace(measurement, lasting=factor, followed=known.followed))
+        lasting = replace(measurement, lasting=factor, followed=known.followed, alike=known.surely)
+        update = self.filter.update(inner, lasting)
         payload = np.concatenate([update.payload, *(one[:, None] for one in told)], axis=1) if told else update.payload
         state = self.motion.predict_state(inner.state)
         covariance = self.motion.predict_covariance(inner.known_covariance, inner.state)

@@ -23,7 +23,7 @@ from zenoh_cbef.tracking.filters.information_form import (
     variance_of,
 )
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
+from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion, matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -57,7 +57,8 @@ class FirstFix(Wrapping):
     motion for noise of every range by itself, (q t^2/2)^2, left velocities alone in squared steps, and |q|^2 an unknown
     of its own. outliers: what share of the ranges are too long, and by how much on average, m (contamination).
     own_bias_std: of the agents' own biases, m, where beta^2 is counted as an error that all m ranges share, and not as
-    m beta^2 in each, and the filter begins with what the fix says of these biases; 0: neither.
+    m beta^2 in each, and the filter begins with what the fix says of these biases; 0: neither. least: the least range
+    that is squared, m. inversion: of matrices.
     """
 
     power: ClassVar[int] = 1
@@ -77,6 +78,8 @@ class FirstFix(Wrapping):
     guesses: tuple[int, int] | None = (1, 1)
     outliers: tuple[float, float] | None = None
     own_bias_std: float = 0.0
+    least: float = -np.inf
+    inversion: Inversion = BY_LIBRARY
 
     @classmethod
     def of(cls, settings: FilterSettings, then: Filter, xi: float, payload_size: int) -> Self:
@@ -98,6 +101,8 @@ class FirstFix(Wrapping):
             search=settings.search,
             guesses=settings.guesses,
             own_bias_std=settings.own_bias_std if settings.told_biases else 0.0,
+            least=settings.least,
+            inversion=settings.inversion,
         )
 
     @property
@@ -106,7 +111,8 @@ class FirstFix(Wrapping):
         return self.guesses is not None
 
     def _squared(self, step: int) -> SquaredRanges:
-        return SquaredRanges(self.space, self.network_size, self.xi, rate=step > 1 or not self.careful)
+        rate = step > 1 or not self.careful
+        return SquaredRanges(self.space, self.network_size, self.xi, rate, self.least)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the information in all ranges so far; after the fix the filter's update."""
@@ -175,7 +181,7 @@ class FirstFix(Wrapping):
 
     def _moving(self, prior: Belief, rows: Rows) -> Floats:
         """The payload of linearised ranges."""
-        information = inverse(prior.known_covariance) / self.network_size
+        information = self.inversion.inverse(prior.known_covariance) / self.network_size
         return self._filled(pack(matvec(information, prior.state) + rows.vector, information + rows.matrix))
 
     def _filled(self, payload: Floats) -> Floats:
@@ -184,7 +190,7 @@ class FirstFix(Wrapping):
     def _fix_moving(self, payload: Floats, own: Floats) -> Belief:
         size = self.motion.size
         mixed, mine = (np.ascontiguousarray(part[:, : packed_size(size)]) for part in (payload, own))
-        return belief_of(mixed, mine, size, self.network_size)
+        return belief_of(mixed, mine, size, self.network_size, self.inversion)
 
     def _fix_at_rest(self, payload: Floats, own: Floats, prior: Belief, step: int) -> Belief:
         axes, squared, others = self.space.axes, self._squared(step), self._others(step)
@@ -276,7 +282,9 @@ class FirstFix(Wrapping):
         power = self.power if 2 * steps <= self.steps else max(self.power, self.ending)
         weight = saturation(ranges.innovation, self.xi * spread, power)
         if self.careful:
-            vector, matrix = ranges.joint_information(weight, noise, self._wandering, self.space.axes, constant)
+            vector, matrix = ranges.joint_information(
+                weight, noise, self._wandering, self.space.axes, constant, inversion=self.inversion
+            )
         else:
             vector, matrix = ranges.information(weight, variance + drift)
         newest = ranges.newest(weight, variance, self.space.axes)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.tracking.filters.around import roll_call
+from zenoh_cbef.tracking.filters.around.hearers import Hearers
 from zenoh_cbef.tracking.filters.around.mirror_images import undecided
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
@@ -32,9 +32,9 @@ class Knowing(Wrapping):
 
     Two kinds of agents have a small NIS and count as not fitting all the same: one that distrusts its receiver by d_i,
     as it expects large errors, and one that explains its ranges by a bias b_i, relied on by w_i, far beyond its prior.
-    Where receivers may fall silent, a number for each agent says whether it has heard the target lately (see
-    `roll_call`): ranges of fewer agents than the target has axes fit a whole curve, and a filter that takes them in is
-    soon too sure of one point.
+    Where receivers may fall silent, agents count those that have heard the target lately (see `Hearers`): ranges of
+    fewer agents than the target has axes fit a whole curve, and a filter that takes them in is soon too sure of one
+    point.
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as
@@ -46,7 +46,7 @@ class Knowing(Wrapping):
     @classmethod
     def numbers(cls, settings: FilterSettings) -> int:
         """How many numbers a payload has more."""
-        return 2 + (settings.network_size if settings.hearing else 0)
+        return 2 + (Hearers(settings).numbers if settings.hearing else 0)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
@@ -72,10 +72,8 @@ class Knowing(Wrapping):
         payload[:, :size], payload[:, size], payload[:, size + 1] = update.payload, heard, fit
         if self.settings.hearing:
             status = status.hearing(np.isfinite(measurement.range))
-            known = belief.memory[0] if belief.memory else np.ones((count, self.settings.network_size))
-            if measurement.agent is None:
-                raise ValueError("agents that count who hears the target have numbers")
-            payload[:, size + 2 :] = roll_call.told(known, measurement.agent, status.unheard < self.settings.hearing)
+            lately = status.unheard < self.settings.hearing
+            payload[:, size + 2 :] = Hearers(self.settings).told(belief.memory, measurement.agent, lately)
         return Update(payload, update.diagnostics, tuple(vars(status).values()), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
@@ -83,10 +81,12 @@ class Knowing(Wrapping):
         more = self.numbers(self.settings)
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-more]), update.parts[0])
         former, settings = Status(*update.kept), self.settings
+        hearers = Hearers(settings)
         count, axes, dt = settings.network_size, settings.space.axes, settings.motion.dt
-        mean = np.fmin(np.fmax(payload[:, -more:], 0.0), CUT)  # 0 for what is not a number
+        numbers = np.nan_to_num(payload[:, -more:])
         if count > 1:
-            mean[unchanged(payload, update.payload)] = 0.0
+            numbers[unchanged(payload, update.payload)] = 0.0
+        mean, hearing = np.fmin(np.fmax(numbers[:, :2], 0.0), CUT), numbers[:, 2:]
         most: float | Floats | None = None
         if settings.judges_agents:
             most, biased = self._most
@@ -105,7 +105,7 @@ class Knowing(Wrapping):
             dt=dt,
             most=most,
             agents=0 if settings.presumes else count,
-            enough=roll_call.count(mean[:, 2:], settings.rounds) >= axes if settings.hearing else None,
+            enough=hearers.count(hearing) > axes - 0.5 if settings.hearing else None,
         )
         if settings.undetermined:
             status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
@@ -115,7 +115,7 @@ class Knowing(Wrapping):
         if settings.seeks:
             rows = denied(self.filter, inner) & (status.which == TRACKING)
             status = status.told(rows, ACQUIRING, former, dt)
-        memory = (roll_call.known_of(mean[:, 2:]),) if settings.hearing else ()
+        memory = hearers.memory(hearing, former.unheard < settings.hearing) if settings.hearing else ()
         return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status, excess=inner.excess)
 
     def _explains_nothing(self, bias: Bias, state: Floats, measurement: Measurement) -> Bools:

@@ -12,7 +12,7 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import pack
-from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
+from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion, inverse, matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.ranging import Space, own_range
 
 
@@ -86,11 +86,18 @@ class Remembered:
         return pack(vector, precision[:, None, None] * outer(row, row))
 
     def joint_information(
-        self, weight: Floats, variance: Floats, wandering: Wandering, axes: int, constant: float = 0.0
+        self,
+        weight: Floats,
+        variance: Floats,
+        wandering: Wandering,
+        axes: int,
+        constant: float = 0.0,
+        *,
+        inversion: Inversion = BY_LIBRARY,
     ) -> tuple[Floats, Floats]:
         """The same of ranges that the target's way, besides, makes wrong together.
 
-        constant: variance of an error that all ranges of an agent share, m^2.
+        constant: variance of an error that all ranges of an agent share, m^2. inversion: of the covariances.
         """
         if not self.measured.any():  # as in most parts of a large network
             count, size = self.state.shape
@@ -99,8 +106,7 @@ class Remembered:
         if constant:
             noise += constant * (self.measured[:, :, None] & self.measured[:, None])
         rows = np.where(self.measured[:, :, None], self.rows, 0.0)
-        gain = rows.swapaxes(1, 2) @ inverse(noise)
-        return matvec(gain, self._equivalent), gain @ rows
+        return inversion.information(rows, noise, self._equivalent)
 
     def constant_given(
         self, weight: Floats, variance: Floats, wandering: Wandering, axes: int, constant: float

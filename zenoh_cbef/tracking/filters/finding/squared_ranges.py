@@ -67,13 +67,14 @@ class SquaredRanges:
     together. Where rows are too few, the prior q ~ N(0, I) decides.
 
     network_size: n. xi: saturation of a row's residual in standard deviations, at the latest solution. rate: whether
-    d|q|^2/dt is an unknown; ranges that are all new do without it.
+    d|q|^2/dt is an unknown; ranges that are all new do without it. least: ranges below it, m, are none.
     """
 
     space: Space
     network_size: int
     xi: float
     rate: bool = True
+    least: float = -np.inf
 
     @property
     def unknowns(self) -> int:
@@ -95,7 +96,7 @@ class SquaredRanges:
         guess: an initial estimate of the position besides, (n, axes), with its covariance.
         """
         axes, unit = self.space.axes, frame.unit[:, None]
-        measured = np.isfinite(seen.ranges)
+        measured = np.isfinite(seen.ranges) & (seen.ranges >= self.least)
         ranges = np.where(measured, seen.ranges, 0.0)
         at = (seen.positions[:, :, :axes] - frame.middle[:, None]) / unit[:, :, None]
         reach = np.sum(at * at, axis=2)

@@ -18,7 +18,7 @@ from zenoh_cbef.tracking.filters.information_form import (
     unless_alone,
 )
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.linalg import inverse, matvec
+from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion, matvec
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -42,7 +42,7 @@ class SaturatedInformation:
 
     range_std: sigma (m). network_size: n. xi: saturation level in standard
     deviations, infinite for the plain ICF. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
-    widens: whether a range far off widens its whole innovation, not its noise alone.
+    widens: whether a range far off widens its whole innovation, not its noise alone. inversion: of P_i and O_i.
     """
 
     motion: Motion
@@ -52,6 +52,7 @@ class SaturatedInformation:
     xi: float = np.inf
     power: int = 1
     widens: bool = False
+    inversion: Inversion = BY_LIBRARY
 
     abilities: ClassVar = Abilities(information=True, saturates=True, biases=True, noise=True, models=True)
 
@@ -72,12 +73,13 @@ class SaturatedInformation:
             xi=settings.xi,
             power=settings.power,
             widens=settings.widens,
+            inversion=settings.inversion,
         )
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the network's information; payload rows are [V, upper triangle of O]."""
         state, covariance = predict(self.motion, belief)
-        prior = inverse(covariance) / self.network_size
+        prior = self.inversion.inverse(covariance) / self.network_size
         own = own_information(
             *(self.space, state, covariance, measurement),
             range_std=self.range_std,
@@ -90,5 +92,5 @@ class SaturatedInformation:
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State and covariance from the averaged information, of which the network has n times as much."""
-        belief = belief_of(payload, update.payload, self.motion.size, self.network_size)
+        belief = belief_of(payload, update.payload, self.motion.size, self.network_size, self.inversion)
         return unless_alone(belief, payload, update) if self.network_size > 1 else belief

@@ -179,13 +179,6 @@ class Branches:
             slack=None if self.slack is None else np.take_along_axis(self.slack, kept, axis=1),
         )
 
-    def some(self, part: slice) -> Branches:
-        """Some of the branches."""
-        mean, covariance = self.mean[:, part], self.covariance[:, part]
-        slack = None if self.slack is None else self.slack[:, part]
-        likelihood, wrong = self.likelihood[:, part], self.wrong[:, part]
-        return replace(self, mean=mean, covariance=covariance, likelihood=likelihood, wrong=wrong, slack=slack)
-
     def beside(self, other: Branches) -> Branches:
         """These and others."""
         return replace(
@@ -213,12 +206,12 @@ class Branches:
         size = self.mean.shape[2] - 1
         return self.mean[:, :, :size], self.covariance[:, :, :size, :size], self.likelihood
 
-    def distinct(self, most: Floats | None = None) -> Priors:
+    def distinct(self, most: Floats | None = None, count: int = KEPT, near: float | None = None) -> Priors:
         """Those that later steps have to decide about: branches near a likelier one are merged with it.
 
-        most: (n, 1), from which likelihoods are counted; None: from the likeliest.
+        most: (n, 1), from which likelihoods are counted; None: from the likeliest. count, near: see mixtures.py.
         """
-        states, covariances, likelihoods_ = distinct(self.priors, KEPT)
+        states, covariances, likelihoods_ = distinct(self.priors, count, near)
         if most is None:
             most = np.maximum.reduce(likelihoods_, axis=1)[:, None]
         return states, covariances, np.maximum(likelihoods_ - most, NEVER)

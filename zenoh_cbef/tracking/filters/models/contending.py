@@ -9,7 +9,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors
-from zenoh_cbef.tracking.filters.models.tying import tied
+from zenoh_cbef.tracking.filters.models.splitting import NEAR, STAY
 
 _BEGUN = 0.2, 10.0
 """As if of ten ranges a fiftieth had been wrong before the first one."""
@@ -27,7 +27,7 @@ _ELSEWHERE = float(np.log(1e-12))
 """How likely it is in a step that the target is where no hypothesis has it: a step of wrong ranges is likelier."""
 
 Contenders = tuple[Floats, Floats, Floats, Floats]
-"""Priors, of which the first KEPT hold and the others rise, and what was counted, (n, 2)."""
+"""Priors, of which the first half hold and the others rise, and what was counted, (n, 2)."""
 
 
 @dataclass(frozen=True)
@@ -39,28 +39,44 @@ class Contest:
     takes over. A network is in doubt before it has heard enough, and while more ranges are wrong than the scenario
     tells, or than half. Where it tells nothing, the share of wrong ranges is learned.
 
-    axes: of the position. outliers: see branching.py.
+    axes: of the position. outliers: see branching.py. splits: whether hypotheses follow the bend of ranges, so that
+    more of them stay, and nearer to each other.
     """
 
     axes: int
     outliers: tuple[float, float] | None
+    splits: bool = False
 
-    def after(self, prior: Branches, elsewhere: Priors, heard: Heard, counts: Floats) -> tuple[Branches, Contenders]:
+    @property
+    def stay(self) -> int:
+        """How many hypotheses stay from step to step, of those that hold and of those that rise."""
+        return STAY if self.splits else KEPT
+
+    def halves(self, priors: Priors) -> tuple[Priors, Priors]:
+        """Of what the step begins with, that which holds and that which rises."""
+        state, covariance, likelihood = priors
+        holds, rises = slice(self.stay), slice(self.stay, None)
+        return (
+            (state[:, holds], covariance[:, holds], likelihood[:, holds]),
+            (state[:, rises], covariance[:, rises], likelihood[:, rises]),
+        )
+
+    def after(
+        self, holds: Branches, rises: Branches, elsewhere: Priors, heard: Heard, counts: Floats
+    ) -> tuple[Branches, Contenders]:
         """All branches after the ranges, and what the next step begins with.
 
         elsewhere: where the target may be otherwise, one prior of each agent. counts: (n, 2), before.
         """
         doubts = self._doubts(counts)
-        holds, rises = (prior.some(part) for part in (slice(KEPT), slice(KEPT, None)))
-        holds = tied(conditioned(holds, heard, self.outliers), heard)
-        whole = holds
+        whole = holds = conditioned(holds, heard, self.outliers)
         if doubts.any():
-            known, ties = (self.axes, prior.biases, prior.share), prior.slack is not None
-            born = Branches.of((*elsewhere[:2], elsewhere[2] + _ELSEWHERE), *known, ties=ties)
-            rises = tied(conditioned(rises.beside(born), heard, self.outliers), heard).unless(~doubts)
+            born = Branches.of((*elsewhere[:2], elsewhere[2] + _ELSEWHERE), self.axes, holds.biases, holds.share)
+            rises = conditioned(rises.beside(born), heard, self.outliers).unless(~doubts)
             whole = holds.beside(rises)
         most = np.maximum.reduce(whole.likelihood, axis=1)[:, None]
-        left, risen = holds.distinct(most), rises.unless(~doubts).distinct(most)
+        near = NEAR if self.splits else None
+        left, risen = (one.distinct(most, self.stay, near) for one in (holds, rises.unless(~doubts)))
         over = np.maximum.reduce(risen[2], axis=1) > np.maximum.reduce(left[2], axis=1)
         return whole, self._next(left, risen, over, self._counted(whole, heard, counts, over))
 

@@ -20,16 +20,20 @@ _ANY = 1e-9
 
 @dataclass(frozen=True)
 class Slots:
-    """Places for the ranges of n agents. range_std: sigma (m). middle: from which positions are counted, m."""
+    """Places for the ranges of n agents. range_std: sigma (m). middle: from which positions are counted, m.
+
+    least: ranges below it, m, are none.
+    """
 
     space: Space
     range_std: float
     middle: tuple[float, ...]
     network_size: int
+    least: float = -np.inf
 
     def told(self, measurement: Measurement) -> Floats:
         """What agents tell, (n, SLOT): zeros where they have no range."""
-        there = np.isfinite(measurement.range)
+        there = self._heard(measurement.range)
         std = np.sqrt(variance_of(measurement, self.range_std))
         last = np.where(there, measurement.range, 0.0), measurement.age, std
         slot = np.concatenate([np.ones((len(there), 1)), measurement.position, np.stack(last, axis=1)], axis=1)
@@ -49,4 +53,8 @@ class Slots:
         axes, height = self.space.axes, np.zeros_like(ranges)
         if self.space.height is not None:
             height = (self.space.height - positions[:, :, 2]) ** 2
+        ranges = np.where(self._heard(ranges), ranges, np.nan)
         return Heard(positions[:, :, :axes] - np.array(self.middle), height, ranges, age, variance)
+
+    def _heard(self, ranges: Floats) -> Bools:
+        return np.isfinite(ranges) & (ranges >= self.least)

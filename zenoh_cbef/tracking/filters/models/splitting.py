@@ -17,10 +17,13 @@ STAY = 6
 MANY = 32
 """How many of their branches stay after each range: each may be split into three, and any range may be wrong."""
 
-_MOST = 1.0
-"""Bend of a range over a hypothesis, in units of the range's noise, from which on that is split."""
+ROUGHLY, CLOSELY = 1, 2
+"""How hypotheses are split: where a range bends over them by more than its noise, or by less, too (see `split`)."""
 
-_NEAR = 1.0
+_PART = 0.5
+"""By what part of what a hypothesis leaves open of a range that may bend over it."""
+
+NEAR = 1.0
 """The square of how many standard deviations apart two hypotheses are one: those of a split are farther apart."""
 
 
@@ -28,19 +31,19 @@ def begun_with(switching: Switching, belief: Belief) -> tuple[Floats, list[Prior
     """Probabilities of the next step, and the hypotheses with which each motion begins it: of all motions before."""
     kept = [(one.memory[0], one.memory[1], one.memory[2]) for one in belief.parts]
     ahead, apart = switching.apart(belief.known_chance, kept)
-    return ahead, [distinct(one, STAY, _NEAR) for one in apart]
+    return ahead, [distinct(one, STAY, NEAR) for one in apart]
 
 
 def staying(branches: Branches) -> Priors:
     """The hypotheses of a motion that stay, with logarithms of weights that sum up to one."""
-    states, covariances, likelihood = distinct(branches.priors, STAY, _NEAR)
+    states, covariances, likelihood = distinct(branches.priors, STAY, NEAR)
     likelihood = likelihood - np.maximum.reduce(likelihood, axis=1)[:, None]
     weights = likelihood - np.log(total(np.exp(likelihood)))[:, None]
     return states, covariances, np.maximum(weights, NEVER)
 
 
-def split(priors: Priors, heard: Heard) -> Priors:
-    """Each hypothesis, or three in its place where one of the ranges bends over it by more than its noise.
+def split(priors: Priors, heard: Heard, splits: int = CLOSELY) -> Priors:
+    """Each hypothesis, or three in its place where one of the ranges bends too much over it.
 
         N(x, P)  ->  N(x, P - d d^T/2)/2 + N(x + d, P - d d^T/2)/4 + N(x - d, P - d d^T/2)/4,    d = P u/sqrt(u^T P u)
 
@@ -49,12 +52,21 @@ def split(priors: Priors, heard: Heard) -> Priors:
     fills the sphere of which the range tells, and gets no smaller by the next ones, each of which bends over it. As
     Gaussians of many hypotheses follow the sphere, later ranges choose between them (Alspach and Sorenson, IEEE TAC
     17(4), 1972). Splitting goes on from step to step, as long as it has to.
+
+    splits: CLOSELY also where a range bends by less than its noise, but by more than half of what the hypothesis leaves
+    open of it. What one range does not show many do: how far a target is from few receivers is soon known far better
+    than by a single range, and their spheres leave a straight line by more than that. 0: none is split.
     """
+    if not splits:
+        return priors
     state, covariance, likelihood = priors
     axes = heard.place.shape[2]
-    sizes, directions = np.linalg.eigh(np.ascontiguousarray(covariance[:, :, :axes, :axes]))
+    known = np.ascontiguousarray(covariance[:, :, :axes, :axes])
+    sizes, directions = np.linalg.eigh(known)
     wide, along = np.maximum(sizes[:, :, -1], np.finfo(np.float64).tiny), directions[:, :, :, -1]
-    bends = _bend(state[:, :, :axes], wide, along, heard) > _MOST
+    closely = splits == CLOSELY
+    most = _PART if closely else 1.0
+    bends = _bend(state[:, :, :axes], known if closely else None, wide, along, heard) > most
     bends &= likelihood > 0.5 * NEVER
     if not bends.any():
         return priors
@@ -71,10 +83,11 @@ def split(priors: Priors, heard: Heard) -> Priors:
     )
 
 
-def _bend(place: Floats, wide: Floats, along: Floats, heard: Heard) -> Floats:
-    """The most that any range bends over hypotheses, (n, k), in units of its noise.
+def _bend(place: Floats, known: Floats | None, wide: Floats, along: Floats, heard: Heard) -> Floats:
+    """The most that any range bends over hypotheses, (n, k), in units of its noise, or of what is known of it if less.
 
-    place: (n, k, axes). wide: (n, k), m^2, the variance along a direction, (n, k, axes).
+    place: (n, k, axes). known: (n, k, axes, axes), m^2; None: noise alone counts. wide: (n, k), m^2, the variance along
+    a direction, (n, k, axes).
     """
     most = np.zeros_like(wide)
     for agent in range(heard.range.shape[1]):
@@ -83,6 +96,7 @@ def _bend(place: Floats, wide: Floats, along: Floats, heard: Heard) -> Floats:
         noise = heard.variance[:, agent, None]
         square = np.maximum(square, noise)
         across = 1.0 - np.add.reduce(away * along, axis=2) ** 2 / square
-        bend = 0.5 * wide * across / np.sqrt(square * noise)
+        unit = noise if known is None else np.minimum(noise, np.add.reduce(away * matvec(known, away), axis=2) / square)
+        bend = 0.5 * wide * across / np.sqrt(square * np.maximum(unit, np.finfo(np.float64).tiny))
         most = np.maximum(most, np.where(np.isfinite(heard.range[:, agent, None]), bend, 0.0))
     return most

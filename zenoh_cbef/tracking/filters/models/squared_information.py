@@ -54,7 +54,7 @@ class SquaredInformation:
     The innovation that is saturated is the square's, r_i^2 - E r_i^2 over the root of 4 l^2 + 2 sigma^2.
 
     range_std: sigma (m). network_size: n. middle: the point from which u is counted, m, near all agents. xi, power,
-    widens: as in sicf.
+    widens: as in sicf. least: ranges below it, m, are none.
     """
 
     motion: Motion
@@ -65,7 +65,7 @@ class SquaredInformation:
     xi: float = np.inf
     power: int = 1
     widens: bool = False
-    ties: bool = False
+    least: float = -np.inf
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -85,7 +85,7 @@ class SquaredInformation:
             xi,
             settings.power,
             settings.widens,
-            settings.ties,
+            settings.least,
         )
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
@@ -127,7 +127,7 @@ class SquaredInformation:
     def _ranged(self, state: Floats, covariance: Floats, measurement: Measurement) -> _Ranged:
         """The agent's own range, squared, at a prior."""
         axes, size = self.space.axes, self.motion.size
-        measured = np.isfinite(measurement.range)
+        measured = np.isfinite(measurement.range) & (measurement.range >= self.least)
         ranges = np.where(measured, measurement.range, 0.0)
         age, variance = measurement.age[:, None], variance_of(measurement, self.range_std)
         place, velocity = self._centred(state)[:, :axes], state[:, axes : 2 * axes]

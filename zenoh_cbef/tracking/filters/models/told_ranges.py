@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged, variance_of
-from zenoh_cbef.tracking.filters.models.branching import KEPT, MOST, Branches, Heard, conditioned
+from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
 from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
 from zenoh_cbef.tracking.filters.models.own_range import said_of
@@ -37,15 +37,14 @@ class ToldRanges:
 
     Where steps are long for the motion, or ranges few, or the target turns as it likes, priors are wide against a
     range's curvature and against outliers. A range alone then says neither where to linearise it nor whether it is
-    right; together they do. So an agent puts its range into its payload in place of information, at a place of its
-    own, and zeros at the others':
+    right; together they do. So an agent's payload has its range in place of information, at a place of its own:
 
         y_i = (x_i, 0 ... 0, 1, p_i, r_i, t_i, sigma_i, 0 ... 0)
 
-    Averaging weighs what agent j told by some w_j, and so the 1 beside it: their ratio is what it told exactly, by
-    whatever way it came. Each then computes the same: squared ranges, and which of them are wrong (branching.py), for
-    each of the motions between which the target switches, weighed by the likelihood of all ranges (switching.py). An
-    agent that missed some of them differs a little, until later ranges count for more than those.
+    Averaging weighs what agent j told by some w_j, and so the 1 beside it: their ratio is exactly what it told, by
+    whatever way. Each then computes the same: squared ranges, and which of them are wrong (branching.py), for each
+    of the motions between which the target switches, weighed by the likelihood of all ranges (switching.py). An agent
+    that missed some of them differs a little, until later ranges count for more.
 
     The estimate begins with the mean of the agents' guesses x_i, which is worth as much as there are independent ones,
     or anywhere: a second prior, unlikely beforehand, about which ranges decide: of one motion in as many steps as that
@@ -54,9 +53,9 @@ class ToldRanges:
 
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
-    estimated beside position and velocity, of one linear motion; 0: there are none.
-    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: of
-    several motions, each keeps several hypotheses, and those over which ranges bend are split. ties: see tying.py.
+    estimated beside position and velocity, of one linear motion; 0: there are none. anywhere: where the target may be
+    if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges
+    bend, of which several stay then (splitting.py); 0: none. least: ranges below it, m, are none.
     """
 
     motions: tuple[Motion, ...]
@@ -70,8 +69,8 @@ class ToldRanges:
     own_std: float = 0.0
     anywhere: tuple[Floats, Floats] | None = None
     seeks: bool = False
-    splits: bool = False
-    ties: bool = False
+    splits: int = 0
+    least: float = -np.inf
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -95,7 +94,7 @@ class ToldRanges:
             anywhere=settings.anywhere,
             seeks=settings.seeks,
             splits=settings.splits,
-            ties=settings.ties,
+            least=settings.least,
         )
 
     @property
@@ -135,12 +134,11 @@ class ToldRanges:
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
-        known, found, misfits, stays = (self.space.axes, self._biases, self._share(counts)), [], [], []
-        for state, *rest in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
-            whole = self._centred(state), rest[0], rest[1]
-            whole[0][:, 0, : self._told] += guessed
-            prior = Branches.of(split(whole, heard) if self.splits else whole, *known, ties=self.ties)
-            branches, later = self._after(prior, heard, counts)
+        found, misfits, stays = [], [], []
+        for state, covariance, likely in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+            centred = self._centred(state)
+            centred[:, 0, : self._told] += guessed
+            branches, later = self._after((centred, covariance, likely), heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
@@ -151,13 +149,17 @@ class ToldRanges:
         parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
         return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
 
-    def _after(self, prior: Branches, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
+    def _after(self, prior: Priors, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
+        known = self.space.axes, self._biases, self._share(counts)
         if self.seeks:
-            return self._contest.after(prior, self._elsewhere(len(counts)), heard, counts)
-        branches = tied(conditioned(prior, heard, self.outliers, MANY if self.splits else MOST), heard)
-        later = branches.distinct() if len(self.motions) == 1 else ()
-        return branches, staying(branches) if self.splits else later
+            holds, rises = (Branches.of(split(one, heard, self.splits), *known) for one in self._contest.halves(prior))
+            return self._contest.after(holds, rises, self._elsewhere(len(counts)), heard, counts)
+        many = MANY if self.splits else MOST
+        branches = conditioned(Branches.of(split(prior, heard, self.splits), *known), heard, self.outliers, many)
+        if self.splits:
+            return branches, staying(branches)
+        return branches, branches.distinct() if len(self.motions) == 1 else ()
 
     def resumed(self, belief: Belief) -> Belief:
         """A belief of another filter, in the form that this one carries from step to step: it is no guess."""
@@ -174,9 +176,9 @@ class ToldRanges:
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
             whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
-        kept = alike(whole, spread, KEPT * (1 + self.seeks))
-        counts = (uncounted(len(state)),) if self.seeks else ()
-        return replace(belief, state=state, covariance=covariance, memory=(*kept, *counts))
+        kept = alike(whole, spread, self._contest.stay * (1 + self.seeks))
+        memory = (*kept, uncounted(len(state))) if self.seeks else kept
+        return replace(belief, state=state, covariance=covariance, memory=memory)
 
     def denied(self, belief: Belief) -> Bools:
         """Of which agents (n,) ranges deny the place."""
@@ -184,11 +186,11 @@ class ToldRanges:
 
     @cached_property
     def _slots(self) -> Slots:
-        return Slots(self.space, self.range_std, self.middle, self.network_size)
+        return Slots(self.space, self.range_std, self.middle, self.network_size, self.least)
 
     @cached_property
     def _contest(self) -> Contest:
-        return Contest(self.space.axes, self.outliers)
+        return Contest(self.space.axes, self.outliers, splits=self.splits > 0)
 
     def _share(self, counts: Floats) -> Floats | None:
         return share(counts) if self.seeks else None
@@ -282,9 +284,7 @@ class ToldRanges:
         said: list[Diagnostics] = []
         likely = self.switching.of_models(ahead)
         for motion, (state, covariance, likelihood) in enumerate(priors):
-            alone = state[:, 0], covariance[:, 0]
-            if self.splits:
-                alone = mixture(state, covariance, likelihood)[:2]
+            alone = mixture(state, covariance, likelihood)[:2] if self.splits else (state[:, 0], covariance[:, 0])
             first = self._centred(alone[0])[:, None], alone[1][:, None], np.zeros((len(state), 1))
             prior = Branches.of(first, self.space.axes, self._biases, share_)
             one = said_of(prior, heard, own, self.outliers)

@@ -1,0 +1,66 @@
+"""How fast a recorded target changes its velocity, from its ranges alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.datasets.made import write
+from zenoh_cbef.datasets import Dataset, dataset_folder, read_dataset
+from zenoh_cbef.datasets.agility import agility
+from zenoh_cbef.datasets.first_scenario import time_step
+from zenoh_cbef.scenario.load import load
+
+INTERVAL = 0.1
+
+
+def recording(quick, std=0.1, *, outliers=0.0, seconds=200.0):
+    """Ranges, along a line, to a target that has another acceleration, of this deviation, in every interval."""
+    random, count = np.random.default_rng(4), int(seconds / INTERVAL)
+    pushes = quick * random.normal(size=count)
+    speed = np.cumsum(pushes) * INTERVAL
+    way = np.cumsum(speed) * INTERVAL - 0.5 * pushes * INTERVAL**2
+    ranges = 1e4 + way + std * random.normal(size=count)
+    ranges += np.where(random.random(count) < outliers, 30.0, 0.0)
+    time = INTERVAL * np.arange(count)
+    return Dataset(("0",), np.zeros((1, 3)), time, np.zeros(count, dtype=int), ranges, np.empty(0), np.empty((0, 3)))
+
+
+@pytest.mark.parametrize("quick", [0.3, 1.0, 6.0])
+@pytest.mark.parametrize("std", [0.02, 0.3])
+def test_it_is_the_acceleration_of_the_target_whatever_the_noise_and_in_spite_of_outliers(quick, std):
+    assert agility(recording(quick, std)) == pytest.approx(quick, rel=0.35)
+    assert agility(recording(quick, std, outliers=0.03)) == pytest.approx(quick, rel=0.5)
+
+
+def test_a_target_that_goes_straight_on_has_little():
+    assert (agility(recording(0.0)) or 0.0) < 0.1
+
+
+def test_too_few_ranges_say_nothing():
+    assert agility(recording(1.0, seconds=2.0)) is None
+
+
+def test_a_filter_that_is_told_none_assumes_it_of_a_target_that_is_faster_than_a_walker(tmp_path):
+    rows = [f"{t:.2f},{anchor},{20 + 5 * np.sin(t) + np.cos(1.3 * t) * anchor:.4f}\n"
+            for t in np.arange(0.0, 60.0, INTERVAL) for anchor in (3, 7)]  # fmt: skip
+    folder = write(tmp_path / "fast", ranges="t,anchor_id,range\n" + "".join(rows), truth=None)
+
+    def assumed(path, *more):
+        told = ["target.motion=dataset", f'target.path="{path}"', *more]
+        return load("tracking", told).scenario.filter.acceleration_std
+
+    found = agility(read_dataset(folder))
+    assert found is not None
+    assert found > 1.0
+    assert assumed(folder) == found
+    assert assumed(folder, "filter.defaults=14") is None
+    assert assumed(folder, "filter.acceleration_std=2.0") == 2.0
+    assert assumed("recorded:lawnmower") == 1.0
+
+
+def test_steps_are_shorter_where_a_target_turns_within_them():
+    assert time_step(recording(0.3)) == INTERVAL
+    assert time_step(recording(8.0)) == INTERVAL / 2.0
+    assert time_step(recording(100.0, std=0.001)) == INTERVAL / 2.0
+    assert time_step(read_dataset(dataset_folder("recorded:lawnmower"))) == 0.5
