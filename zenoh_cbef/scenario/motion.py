@@ -69,8 +69,7 @@ def leaving(scenario: Scenario, *, doubted: bool, told: bool) -> tuple[float, ..
 def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: bool = False) -> tuple[Motion, ...]:
     """The motions between which the target switches, the most agile one last.
 
-    told: agents tell each other their ranges, so a motion more makes no message longer. In long steps an agile target
-    goes astray by more than a few standard deviations of a range: motions follow, as far apart as those before them.
+    told: agents tell each other their ranges, so a motion more makes no message longer.
     """
     chosen, settings = scenario.filter, _settings(scenario, range_std, axes)
     if chosen.models:
@@ -84,10 +83,7 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
     if chosen.acceleration_std is None and chosen.defaults > 13:
         calm = _noise(scenario, range_std, _CALMEST)
     between = [("ncv", (middle * agile) ** 0.5)] if told and chosen.defaults > 12 else []
-    each = [("ncv", calm), ("turn", calm), ("ncv", middle), *between, (chosen.agile, agile)]
-    if told and start.leaps(scenario, range_std):
-        while each[-1][1] < farthest(scenario):
-            each.append((chosen.agile, each[-1][1] * (_AGILE / _INDEX) ** 0.5))
+    each = ("ncv", calm), ("turn", calm), ("ncv", middle), *between, (chosen.agile, agile)
     return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)
 
 

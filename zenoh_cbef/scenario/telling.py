@@ -18,7 +18,7 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     """Whether agents tell each other their ranges: where a first fix would fail, or may, and they are few.
 
     A target that switches between motions is followed without, if there are enough ranges in a step; there may be too
-    few where agents are away, or cut off from others. And if the step is not too long for a target that turns.
+    few where agents are away, or cut off from others.
     motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix.
     """
     agile = motions[-1]
@@ -31,7 +31,6 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
         return True
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     needs = len(motions) == 1 or heard < agile.axes + 1 or (several and network.parts(scenario))
-    needs |= start.leaps(scenario, range_std)
     return needs and _strays(scenario, agile, range_std, settling)
 
 

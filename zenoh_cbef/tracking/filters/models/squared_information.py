@@ -66,6 +66,7 @@ class SquaredInformation:
     power: int = 1
     widens: bool = False
     least: float = -np.inf
+    ties: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -86,6 +87,7 @@ class SquaredInformation:
             settings.power,
             settings.widens,
             settings.least,
+            settings.ties,
         )
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
@@ -105,6 +107,7 @@ class SquaredInformation:
         state, covariance = update.kept
         belief = self._believed(payload, update, Belief(state, covariance))
         if self.ties:
+            # About a wide prior e is as good as free; again about what was found, where e is linear over that.
             axes, size = self.space.axes, self.motion.size
             again = self._believed(payload, update, belief)
             _, bend = _moments(belief.known_covariance[:, :axes, :axes])
@@ -114,6 +117,7 @@ class SquaredInformation:
         return unless_alone(belief, payload, update) if self.network_size > 1 else belief
 
     def _believed(self, payload: Floats, update: Update, about: Belief) -> Belief:
+        """What the average says, linearised about a belief."""
         own = self._linearised(update.payload, about)
         belief = belief_of(self._linearised(payload, about), own, self.motion.size)
         return Belief(self._centred(belief.state, -1.0), belief.covariance)

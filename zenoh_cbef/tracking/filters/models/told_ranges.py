@@ -19,7 +19,6 @@ from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
 from zenoh_cbef.tracking.filters.models.own_range import said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
 from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
-from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
@@ -118,8 +117,8 @@ class ToldRanges:
         counts = belief.memory[3] if self.seeks and belief.memory else uncounted(len(belief.state))
         ahead, priors = self._priors(belief)
         own = self._own(measurement)
-        count = len(ahead)
-        slots = np.zeros((count, self.network_size, SLOT))
+        count, agents = len(ahead), self.network_size
+        slots = np.zeros((count, agents, SLOT))
         slots[np.arange(count), own] = self._slots.told(measurement)
         payload = np.concatenate([priors[0][0][:, 0, : self._told], slots.reshape(count, -1)], axis=1)
         payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
@@ -239,7 +238,8 @@ class ToldRanges:
     def _place(self) -> Gaussian:
         if self.anywhere is None:
             raise ValueError("agents that seek have to know where the target may be")
-        return self.anywhere[0][:, : self._told], self.anywhere[1][:, : self._told, : self._told]
+        size = self._told
+        return self.anywhere[0][:, :size], self.anywhere[1][:, :size, :size]
 
     def _elsewhere(self, count: int) -> Priors:
         """Where the target is, if it is where no hypothesis has it: one prior of each agent."""
