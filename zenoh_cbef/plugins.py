@@ -11,7 +11,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
@@ -25,6 +24,7 @@ from typing import Generic, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.words import meant
 
 T = TypeVar("T")
 
@@ -91,9 +91,8 @@ def find(group: str, name: str, own: tuple[str, ...]) -> Plugin:
         ) from None
     classes = {one: value for one, value in vars(there).items() if isinstance(value, type)}
     if attribute not in classes:
-        near = get_close_matches(attribute, classes, 1)
-        hint = f"did you mean {near[0]!r}?" if near else "correct the name behind the colon"
-        raise ValueError(f"names {attribute!r}, but module {module!r} has no class of that name; {hint}")
+        near = meant(attribute, classes, "correct the name behind the colon")
+        raise ValueError(f"names {attribute!r}, but module {module!r} has no class of that name; {near}")
     told = f"{package.name} {package.version}" if package else top
     return Plugin(classes[attribute], f"{told} sha256:{_hash(spec)}")
 
@@ -200,9 +199,8 @@ def told_options(model: object, name: str, given: Mapping[str, object], key: str
     names = [field.alias or name for name, field in model.model_fields.items()]
     unknown = [name for name in given if name not in names]
     if unknown:
-        near = get_close_matches(unknown[0], names, 1)
-        hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(names) or 'none'}"
-        raise ValueError(f"{key}.{unknown[0]} is no option of {model.__qualname__}; {hint}")
+        near = meant(unknown[0], names, f"it has {', '.join(names) or 'none'}")
+        raise ValueError(f"{key}.{unknown[0]} is no option of {model.__qualname__}; {near}")
     try:
         return model.model_validate(given).model_dump(mode="json", by_alias=True)
     except ValidationError as error:

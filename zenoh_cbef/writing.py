@@ -19,6 +19,12 @@ def writing(place: object, remedy: str = "choose another --output") -> Iterator[
         raise UserError(f"cannot write {place}: {error.strerror}; {remedy}") from None
 
 
+def refuse_overwriting(log: Path, remedy: str) -> None:
+    """Raise UserError, with the remedy, where a log is there already."""
+    if log.exists():
+        raise UserError(f"{log} exists and logs are never overwritten; {remedy}")
+
+
 @contextmanager
 def whole(output: Path) -> Iterator[Path]:
     """Where to write what is to be `output`, a file or a folder, which has that name when the block has ended.

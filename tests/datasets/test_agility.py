@@ -20,9 +20,9 @@ def recording(quick, std=0.1, *, outliers=0.0, seconds=200.0):
     pushes = quick * random.normal(size=count)
     speed = np.cumsum(pushes) * INTERVAL
     way = np.cumsum(speed) * INTERVAL - 0.5 * pushes * INTERVAL**2
-    ranges = 1e4 + way + std * random.normal(size=count)
-    ranges += np.where(random.random(count) < outliers, 30.0, 0.0)
-    time = INTERVAL * np.arange(count)
+    noise = std * random.normal(size=count) + np.where(random.random(count) < outliers, 30.0, 0.0)
+    ranges = np.asarray(1e4 + way + noise, dtype=np.float64)
+    time = np.asarray(INTERVAL * np.arange(count), dtype=np.float64)
     return Dataset(("0",), np.zeros((1, 3)), time, np.zeros(count, dtype=int), ranges, np.empty(0), np.empty((0, 3)))
 
 

@@ -8,6 +8,7 @@ import pytest
 from tests import unaided
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.scenario.filtering import Filtering
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
@@ -106,6 +107,12 @@ def test_a_small_gain_counts_where_errors_do_not_last():
     # Where nothing is known of errors, and by the rules of before, all count alike.
     for other in (evidence.of(plain, biased), Evidence().of(plain, biased, np.zeros(3))):
         np.testing.assert_allclose(other[:, 0] - other[:, 1], 0.1)
+
+
+@pytest.mark.parametrize(("rules", "weighs"), [(14, False), (15, True)])
+def test_recorded_ranges_are_weighed_so_by_the_rules_of_today(rules, weighs):
+    filtering = Filtering(load("lawnmower", [f"filter.defaults={rules}"]).scenario)
+    assert filtering.settings.weighs_lasting is weighs
 
 
 def test_a_range_that_was_not_measured_says_nothing():

@@ -19,6 +19,7 @@ from zenoh_cbef.protocol.names import checked
 from zenoh_cbef.scenario.calling import What, described
 from zenoh_cbef.scenario.load import Loaded, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory, refuse_too_many_processes
+from zenoh_cbef.writing import refuse_overwriting
 
 
 def run(
@@ -44,8 +45,7 @@ def run(
     require(links=loaded.scenario.count + 1, processes=loaded.scenario.count + 2)
     name = f"{loaded.scenario.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}" if run is None else checked(run, "run")
     with place_of_log(name, None if log is None else path_of(log, "a log")) as path:
-        if path.exists():
-            raise UserError(f"{path} exists and logs are never overwritten; choose another log, or move it away")
+        refuse_overwriting(path, "choose another log, or move it away")
         _execute(loaded, name if log is not None else path.parent.name, path, progress)
     return load(path)
 

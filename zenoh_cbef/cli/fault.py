@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from difflib import get_close_matches
 from typing import Annotated
 
 import typer
@@ -20,6 +19,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.scenario.load import value_of
 from zenoh_cbef.testing.faults import refuse_broken
+from zenoh_cbef.words import meant
 
 
 def _add(
@@ -37,9 +37,8 @@ def _add(
     """Inject a fault, from now on or from the run time `from=`."""
     known = dict(kinds_begun(""))
     if kind not in known and ":" not in kind:  # The target knows whether it has package.module:Class.
-        near = get_close_matches(kind, known, 1)
-        hint = f"did you mean {near[0]!r}?" if near else "see 'zenoh-cbef fault kinds'"
-        raise UserError(f"the kind must be one of {', '.join(known)}, not {kind!r}; {hint}")
+        near = meant(kind, known, "see 'zenoh-cbef fault kinds'")
+        raise UserError(f"the kind must be one of {', '.join(known)}, not {kind!r}; {near}")
     table: dict[str, object] = {"kind": kind}
     for one in keys or ():
         key, separator, text = one.partition("=")

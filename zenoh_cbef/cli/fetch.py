@@ -19,6 +19,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.fetching import fetch_logs
 from zenoh_cbef.protocol.log_service import Offer
 from zenoh_cbef.words import counted
+from zenoh_cbef.writing import refuse_overwriting
 
 
 class _Display:
@@ -59,8 +60,7 @@ def _fetch(
     joining = ctx.joining
     if not joining.connect and joining.config is None:
         raise UserError("fetch needs the recorders' endpoints, as in --connect tcp/192.0.2.2:7448, or their router's")
-    if output.exists():
-        raise UserError(f"{output} exists and logs are never overwritten; choose another name, or move it away")
+    refuse_overwriting(output, "choose another name, or move it away")
     wanted = logs or (1 if joining.client else len(joining.connect or ())) or 1
     with (
         tempfile.TemporaryDirectory(prefix=".fetch-", dir=output.absolute().parent) as folder,

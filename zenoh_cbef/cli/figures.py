@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Iterator
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
 
@@ -29,7 +28,7 @@ from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
 from zenoh_cbef.numbers import SKIPPED
 from zenoh_cbef.pages.parts import Figure
-from zenoh_cbef.words import first_of
+from zenoh_cbef.words import first_of, meant
 from zenoh_cbef.writing import writing
 
 Sources = Annotated[
@@ -107,10 +106,9 @@ def _check_labels(look: Style) -> None:
     """Refuse other words for what none of the figures says."""
     for one in look.labels:
         if one not in look.met:
-            near = get_close_matches(one, look.met, 1)
             said = sorted(word for word in look.met if word)
-            hint = f"did you mean {near[0]!r}?" if near else f"they say {first_of(list(map(repr, said)), 10)}"
-            raise UserError(f"--label {one!r} is no text of these figures; {hint}")
+            near = meant(one, look.met, f"they say {first_of(list(map(repr, said)), 10)}")
+            raise UserError(f"--label {one!r} is no text of these figures; {near}")
 
 
 def _pair(text: str) -> tuple[str, str]:

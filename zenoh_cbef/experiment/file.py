@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,6 +17,7 @@ from zenoh_cbef.quantities import Finite, Seed
 from zenoh_cbef.scenario.library import Library, purpose_of
 from zenoh_cbef.scenario.load import put
 from zenoh_cbef.scenario.table import Table
+from zenoh_cbef.words import meant
 
 _LIBRARY = Library(files("zenoh_cbef.experiment") / "builtin", "experiment")
 builtin_names, purposes, read_source = _LIBRARY.names, _LIBRARY.purposes, _LIBRARY.read
@@ -142,9 +142,8 @@ def _sentence(error: ValidationError) -> str:
     table = tables.get(str(place[0]) if place else "", Experiment)
     if kind == "extra_forbidden":
         known = list((table if len(place) > 1 else Experiment).model_fields)
-        near = get_close_matches(str(place[-1]), known, 1)
-        hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
-        return f"{key} is not a key of an experiment; {hint}"
+        near = meant(str(place[-1]), known, f"the keys are {', '.join(known)}")
+        return f"{key} is not a key of an experiment; {near}"
     if kind == "missing":
         return f"{key} is missing; add it"
     if kind == "value_error":

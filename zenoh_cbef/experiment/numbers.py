@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import is_dataclass
-from difflib import get_close_matches
 from functools import cache
 from types import UnionType
 from typing import get_args, get_type_hints
@@ -12,6 +11,7 @@ from typing import get_args, get_type_hints
 from zenoh_cbef.analysis.results import Metrics, Standing
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.tracking.status import STATUSES
+from zenoh_cbef.words import meant
 
 SUMMED = ("sent", "delivered", "lost", "late", "injected_lost", "injected_late", "corrupted", "duplicated")
 """Counts of links, each summed over all links."""
@@ -42,6 +42,7 @@ def check_number(name: str, key: str) -> None:
     """Raise UserError where no run can have a number of this name; key: what names it."""
     if name not in numbers():
         parts = sorted((one for one in sorted(numbers()) if name in one.split(".")), key=lambda one: one.index(name))
-        near = parts or get_close_matches(name, sorted(numbers()), 1)
-        hint = f"did you mean {near[0]!r}?" if near else "docs/log-format.md has their names, as position_rmse"
-        raise UserError(f"{key} {name!r} is no number that runs have; {hint}")
+        near = meant(
+            parts[0] if parts else name, sorted(numbers()), "docs/log-format.md has their names, as position_rmse"
+        )
+        raise UserError(f"{key} {name!r} is no number that runs have; {near}")

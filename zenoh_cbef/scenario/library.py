@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib.resources.abc import Traversable
 from itertools import takewhile
 from pathlib import Path
 
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.words import meant
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,8 @@ class Library:
             return (self.folder / f"{name}.toml").read_text(encoding="utf-8"), Path.cwd()
         path = Path(name)
         if not path.exists():
-            near = get_close_matches(name, known, 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"see 'zenoh-cbef {self.kind} list', or give a file"
-            raise UserError(f"there is no built-in {self.kind} and no file named {name!r}; {hint}")
+            near = meant(name, known, f"see 'zenoh-cbef {self.kind} list', or give a file")
+            raise UserError(f"there is no built-in {self.kind} and no file named {name!r}; {near}")
         if path.is_dir():
             inside = next(
                 (str(one) for one in (path / f"{self.kind}.toml", *sorted(path.glob("*.toml"))) if one.is_file()), ""

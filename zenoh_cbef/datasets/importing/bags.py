@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Protocol
 
@@ -13,6 +12,7 @@ from zenoh_cbef.datasets.importing.raw import Raw
 from zenoh_cbef.datasets.importing.units import LENGTHS, TIMES, Units
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.extras import from_extra
+from zenoh_cbef.words import meant
 
 SUFFIXES = (".bag", ".db3", ".mcap")
 
@@ -89,9 +89,8 @@ class Bags:
         named = [*(("--topic", one) for one in self.topics), *([("--truth", self.truth)] if self.truth else [])]
         for option, topic in named:
             if topic not in there:
-                near = get_close_matches(topic, sorted(there), 1)
-                hint = f"did you mean {near[0]!r}?" if near else f"its topics are {', '.join(sorted(there)) or 'none'}"
-                raise UserError(f"{option} {topic}: {path} has no such topic; {hint}")
+                near = meant(topic, sorted(there), f"its topics are {', '.join(sorted(there)) or 'none'}")
+                raise UserError(f"{option} {topic}: {path} has no such topic; {near}")
 
     def _define(self, store: _Typestore, seen: Iterable[str], needed: Iterable[str]) -> None:
         """Make the types of files known. seen: all names of a bag's types; needed: those that are read."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ from zenoh_cbef.log.common.naming import ACTIVE, LOGS, RUN, part_path
 from zenoh_cbef.log.mcap.contents import NotMcapError, RawMessage, Summary
 from zenoh_cbef.log.mcap.reader import McapFile
 from zenoh_cbef.plain import whole
+from zenoh_cbef.words import meant
 
 if TYPE_CHECKING:
     from zenoh_cbef.log.mcap.heads import Batch
@@ -29,9 +29,8 @@ def find_log(path: Path) -> Path:
             return found
     what = f"there is no log in the folder {path}" if path.is_dir() else f"there is no log {path}"
     known = sorted({one.parent.name for one in LOGS.glob("*/run.mcap*")}) if named else []
-    near = get_close_matches(path.name, known, 1)
-    hint = f"did you mean {near[0]!r}?" if near else "give an .mcap file or a run's folder, such as logs/latest"
-    raise UserError(f"{what}; {hint}")
+    near = meant(path.name, known, "give an .mcap file or a run's folder, such as logs/latest")
+    raise UserError(f"{what}; {near}")
 
 
 def open_log(path: Path) -> Log:

@@ -13,7 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.mcap.contents import Channel, RawMessage
 from zenoh_cbef.log.mcap.writer import Compression, McapWriter
-from zenoh_cbef.writing import writing
+from zenoh_cbef.writing import refuse_overwriting, writing
 
 
 class OutputLog:
@@ -25,8 +25,7 @@ class OutputLog:
     def __init__(self, path: Path, compression: Compression = "zstd") -> None:
         self.path, self._active = path, path.with_name(path.name + ACTIVE)
         for taken in (path, self._active):
-            if taken.exists():
-                raise UserError(f"{taken} exists and logs are never overwritten; name another --output")
+            refuse_overwriting(taken, "name another --output")
         with writing(path, "name another --output"):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._writer = McapWriter(self._active, compression=compression, library=f"zenoh-cbef {__version__}")

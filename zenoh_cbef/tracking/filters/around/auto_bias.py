@@ -56,8 +56,8 @@ class AutoBias:
         parts = belief.parts or (belief, belief)
         plain, biased = self.plain.update(parts[0], measurement), self.biased.update(parts[1], measurement)
         sums = belief.memory[0] if belief.memory else self.evidence.begun(len(belief.state))
-        innovations = ((one.diagnostics.innovation, one.diagnostics.nis) for one in (plain, biased))
-        counts = self.evidence.of(*innovations, alike=measurement.alike)
+        first, second = ((one.diagnostics.innovation, one.diagnostics.nis) for one in (plain, biased))
+        counts = self.evidence.of(first, second, measurement.alike)
         chosen = self.evidence.weight(sums) > 0.5
         return Update(
             np.concatenate([plain.payload, biased.payload, counts], axis=1),

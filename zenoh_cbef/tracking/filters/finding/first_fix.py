@@ -132,7 +132,7 @@ class FirstFix(Wrapping):
         """The update of a step of the fix."""
         latest, prior, seen, correction = self._history(belief, measurement)
         variance, rows = self._linearised(latest, seen, correction, measurement)
-        if self._squares(seen.steps):
+        if seen.steps <= self._squared_steps:
             first = latest if belief.memory else self._wide(prior, seen.steps)
             payload = self._at_rest(prior, first, seen, variance)
         else:
@@ -144,7 +144,7 @@ class FirstFix(Wrapping):
         """What a step of the fix finds."""
         *history, predicted = update.kept
         steps, prior = history[-1].shape[1], Belief(history[0], history[1])
-        if self._squares(steps):
+        if steps <= self._squared_steps:
             fix = self._fix_at_rest(payload, update.payload, prior, steps)
         else:
             fix = self._fix_moving(payload, update.payload)
@@ -209,9 +209,6 @@ class FirstFix(Wrapping):
         room = self.payload_size - self._squared(step).size
         return slice(axes, size if self.careful and room >= size - axes else axes)
 
-    def _squares(self, step: int) -> bool:
-        return step <= self._squared_steps
-
     @property
     def _squared_steps(self) -> int:
         return self.steps // 2 if self.squared is None else self.squared
@@ -272,14 +269,13 @@ class FirstFix(Wrapping):
     ) -> Rows:
         """All ranges, weighed. constant: variance of an error that all ranges of an agent share, m^2."""
         variance = noise + constant
-        steps = ranges.ages.shape[1]
         drift = self._wandering.covariance(ranges.ages, ranges.ages)
         if not self.careful:
             drift = (0.5 * self.motion.acceleration_std * ranges.ages**2) ** 2
         expected = ranges.expected(latest.known_covariance) + (variance + drift)
         moved = np.sum(ranges.rows * correction[:, None], axis=2) ** 2
         spread = np.sqrt(expected + self._excused(moved, expected))
-        power = self.power if 2 * steps <= self.steps else max(self.power, self.ending)
+        power = self.power if 2 * ranges.ages.shape[1] <= self.steps else max(self.power, self.ending)
         weight = saturation(ranges.innovation, self.xi * spread, power)
         if self.careful:
             vector, matrix = ranges.joint_information(
