@@ -17,6 +17,7 @@ def said(*overrides):
     ("overrides", "words", "remedy"),
     [
         (["dt=5"], "steps of dt = 5 s are long", "set dt to 2.5 or less"),
+        (["dt=1", "target.motion=circle", "agents.count=3"], "long for a target that turns", "set dt to 0.5 or less"),
         (["dt=100"], "steps of dt = 100 s are long", "milliseconds"),
         (["sensor.range_std=30"], "larger than half of the box", "in metres"),
         (["filter.range_std=0.05"], "the receivers have sensor.range_std = 0.1 m", "'auto'"),
@@ -41,6 +42,7 @@ def test_what_does_not_fit_is_told_with_a_remedy(overrides, words, remedy):
     [
         [],
         ["dt=0.5"],
+        ["dt=1", "target.motion=circle"],
         ["agents.low=-100", "agents.high=100"],
         ["filter.range_std=0.13"],
         ["filter.range_std=auto"],

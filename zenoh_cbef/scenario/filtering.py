@@ -53,16 +53,37 @@ class Filtering:
     @alike
     def motion(self) -> Motion:
         """The filter's model of the target's motion; beside several, that of the first fix."""
-        return assumed_motion(self.scenario, self.range_std, self.space.axes)
+        return assumed_motion(self.scenario, self.range_std, self.space.axes, leaps=self._leaps)
 
     @alike
     def models(self) -> tuple[Motion, ...]:
         """The motions between which the target switches; none where the filter assumes one."""
         return (
             assumed_models(self.scenario, self.range_std, self.space.axes, told=self.tells_ranges)
-            if self._switches
+            if self._switches and not self._leaps
             else ()
         )
+
+    @alike
+    def _may_leap(self) -> bool:
+        """Whether steps are so long that a target which turns may be anywhere after one, and ranges tell where."""
+        scenario, chosen = self.scenario, self.scenario.filter
+        turns = chosen.motion == "auto" and switches(scenario, alone=False) and self.abilities.models
+        told = scenario.count > self.space.axes and scenario.consensus.rounds > 0 and chosen.linearise != "before"
+        return turns and told and start.leaps(scenario, self.range_std)
+
+    @alike
+    def _leaps(self) -> bool:
+        """Whether one motion that leaps in this way stands for several.
+
+        That is where biases leave room for one, or agents do not tell each other their ranges: each would linearise its
+        own at the agile motion's prior, over which ranges bend. Squared ranges are of one motion. But at such a prior
+        no agent alone tells a wrong range, nor the network the side of a plane.
+        """
+        if self.tells_ranges:
+            return self._may_leap and not self._switches
+        flat = near_plane.flat(self.scenario, self.range_std, self.space.axes)
+        return self._may_leap and not (self.distrusts_others or flat or trust.may_be_wrong(self.scenario))
 
     @alike
     def _switches(self) -> bool:
@@ -80,13 +101,13 @@ class Filtering:
         single = self.bias != "none" or self.distrusts_others or self.models or self.plane
         mistaken = self.tells_ranges and telling.may_mistake(self.scenario, self.range_std, self.space.axes)
         unfit = single or mistaken or not self.abilities.models or self.scenario.filter.recovery
-        return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges)
+        return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges, leaps=self._leaps)
 
     @alike
     def tells_ranges(self) -> bool:
         """Whether agents tell each other their ranges, of which each takes in all."""
         assumed = self.scenario, self.range_std, self.space.axes
-        motions = assumed_models(*assumed) if self._switches else (self.motion,)
+        motions = assumed_models(*assumed) if self._switches else (assumed_motion(*assumed, leaps=self._may_leap),)
         return telling.tells_ranges(self.scenario, motions, self.range_std, self.settling_steps)
 
     @property
@@ -179,6 +200,7 @@ class Filtering:
             tells_ranges=self.tells_ranges,
             seeks=self.seeks,
             splits=self.splits,
+            ties=self._may_leap,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,

@@ -38,6 +38,9 @@ The last is for few ranges: what happens between two of them then looks like one
 _FACTORS, _FEWER = (tuple(2.0**power for power in range(least, 5, step)) for least, step in ((-6, 1), (-4, 2)))
 """By what a noise that is in doubt is multiplied: of two that differ by a factor of two, either does."""
 
+_LESS = tuple(2.0**power for power in range(-10, 1))
+"""By what the largest noise that a target can have is multiplied."""
+
 
 def switches(scenario: Scenario, *, alone: bool) -> bool:
     """Whether the filter assumes several motions. alone: whether there is a reason to let a filter stand alone."""
@@ -84,32 +87,44 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
     return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)
 
 
-def doubted_noises(scenario: Scenario, motion: Motion, *, told: bool) -> tuple[Motion, ...]:
+def farthest(scenario: Scenario) -> float:
+    """The acceleration, m/s^2, of a target that may be anywhere in the box around the agents a step later."""
+    return max(start.half_box(scenario), start.reach(scenario)) / scenario.dt**2
+
+
+def doubted_noises(scenario: Scenario, motion: Motion, *, told: bool, leaps: bool = False) -> tuple[Motion, ...]:
     """A motion with several noises, where that of the target is not known: one is given to the filter, or none is.
 
     Not where ranges are real: there biases are estimated beside the motion, or errors last. told: agents tell each
-    other their ranges, and each noise has many branches.
+    other their ranges, and each noise has many branches. leaps: the motion's noise is the largest one.
     """
     chosen, stage = scenario.filter, scenario.consensus
-    known = (scenario.target.motion == "ncv" and chosen.acceleration_std is None) or chosen.defaults < 13
+    told_of = scenario.target.motion == "ncv" and chosen.acceleration_std is None and not _begins_at_rest(scenario)
+    known = told_of or chosen.defaults < 13
     exact = not (stage.precision.startswith("int") or stage.trigger or stage.lag or stage.trim)
     together = exact and scenario.count > 1 and stage.rounds > 0 and chosen.measurement == "range"
     if known or trust.real(scenario) or not together or not isinstance(motion, LinearMotion) or motion.extra_std:
         return ()
     return tuple(
-        replace(motion, acceleration_std=factor * motion.acceleration_std) for factor in (_FEWER if told else _FACTORS)
+        replace(motion, acceleration_std=factor * motion.acceleration_std)
+        for factor in (_LESS if leaps else _FEWER if told else _FACTORS)
     )
 
 
-def assumed_motion(scenario: Scenario, range_std: float, axes: int) -> Motion:
+def assumed_motion(scenario: Scenario, range_std: float, axes: int, *, leaps: bool = False) -> Motion:
     """The filter's model, if it is a single one. range_std: m, what the filter assumes. axes: 3, or 2 in a plane.
+
+    leaps: the target may be anywhere a step later.
 
     Auto: decay where ranges are real. A real target may be unheard for long, and does not go straight on all the while.
     """
     chosen = scenario.filter
     silent = trust.real(scenario) and trust.rules(scenario) > 1 and abilities_of(chosen.kind).covariance
     names = {"auto": "decay" if silent else "ncv", "imm": "ncv"}
-    return make_motion(names.get(chosen.motion, chosen.motion), _settings(scenario, range_std, axes))
+    settings = _settings(scenario, range_std, axes)
+    if leaps:
+        return make_motion(chosen.agile, replace(settings, acceleration_std=farthest(scenario)))
+    return make_motion(names.get(chosen.motion, chosen.motion), settings)
 
 
 def plain_motion(motions: Sequence[Motion], otherwise: Motion) -> LinearMotion:
@@ -147,9 +162,15 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
     target, given = scenario.target, scenario.filter.acceleration_std
     if given is not None:
         return given
-    if target.motion == "ncv" or (scenario.filter.defaults == 1 and target.motion != "dataset"):
+    of_target = target.motion == "ncv" and not _begins_at_rest(scenario)
+    if of_target or (scenario.filter.defaults == 1 and target.motion != "dataset"):
         return target.acceleration_std
     return RECORDED_ACCELERATION if target.motion == "dataset" else _noise(scenario, range_std, _INDEX)
+
+
+def _begins_at_rest(scenario: Scenario) -> bool:
+    """Whether each step does for the filter: its q then is no acceleration of a target that keeps its velocity."""
+    return scenario.filter.motion == "stationary" and scenario.filter.defaults > 14
 
 
 def _noise(scenario: Scenario, range_std: float, index: float) -> float:

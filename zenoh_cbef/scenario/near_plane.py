@@ -20,6 +20,11 @@ _FLAT = 4.0
 """By what factor agents reach farther along the plane."""
 
 
+def flat(scenario: Scenario, range_std: float, axes: int) -> bool:
+    """Whether agents are in one plane (of two axes on one line) or near it: ranges fit mirror images. range_std: m."""
+    return bending.mirrored(scenario, range_std, axes) or plane(scenario, range_std, axes) is not None
+
+
 def plane(scenario: Scenario, range_std: float, axes: int) -> Plane | None:
     """The plane (or of two axes the line) that resting agents are near, wherever a seed places them; None: none.
 

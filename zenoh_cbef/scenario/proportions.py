@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from math import ceil, log2
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets import Dataset, read_dataset
 from zenoh_cbef.numbers import number
-from zenoh_cbef.scenario import bending
+from zenoh_cbef.scenario import bending, start
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.start import half_box, half_diagonal
 from zenoh_cbef.scenario.world import target_path
@@ -29,7 +30,7 @@ def warnings(plan: Plan) -> list[str]:
     recorded = (
         _recorded(plan) if plan.scenario.target.motion == "dataset" else _emulated_noise(plan) + _out_of_plane(plan)
     )
-    return _long_steps(plan) + _coarse(plan) + recorded
+    return _long_steps(plan) + _long_for_turns(plan) + _coarse(plan) + recorded
 
 
 def _long_steps(plan: Plan) -> list[str]:
@@ -46,6 +47,22 @@ def _long_steps(plan: Plan) -> list[str]:
         f"steps of dt = {number(dt)} s are long for this motion: from one to the next the position gets uncertain by "
         f"{number(uncertain)} m per axis, and ranges over {number(half_box(scenario))} m bend there by {number(times)} "
         f"times their noise{taken}; set dt to {number(shorter)} or less (are these milliseconds?)"
+    )
+    return [warning]
+
+
+def _long_for_turns(plan: Plan) -> list[str]:
+    """Of several motions, each agent linearises its range where the target may be after a turn."""
+    scenario = plan.scenario
+    if plan.tells_ranges or not plan.models or not start.leaps(scenario, plan.range_std):
+        return []
+    reach = start.reach(scenario)
+    times = reach**2 / (2.0 * half_box(scenario) * plan.range_std)
+    shorter = scenario.dt / 2.0 ** ceil(0.5 * log2(times))
+    warning = (
+        f"steps of dt = {number(scenario.dt)} s are long for a target that turns: it gets {number(reach)} m in one, "
+        f"and ranges over {number(half_box(scenario))} m bend there by {number(times)} times their noise, which "
+        f"filters of several motions take for straight; set dt to {number(shorter)} or less"
     )
     return [warning]
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from zenoh_cbef import streams
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.courses import COURSES
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import paths, trust
 from zenoh_cbef.scenario.model import Scenario
@@ -43,6 +44,20 @@ def widened_std(scenario: Scenario) -> Floats:
 def first_std(scenario: Scenario, *, fixed: bool) -> Floats:
     """That with which agents begin, (6,): wide before a first fix of a target of whose start nothing is said."""
     return (widened_std if fixed and unknown(scenario) else initial_std)(scenario)
+
+
+def reach(scenario: Scenario) -> float:
+    """How far an emulated target gets in a step, m, if it is as fast as agents are told at first, in any direction."""
+    given, std = scenario.filter.initial_velocity, float(initial_std(scenario)[3])
+    # A motion of another package may begin otherwise under another seed, and plans are the same for all.
+    known = np.zeros(3) if scenario.target.motion not in COURSES else target_start(scenario)[3:]
+    told = np.linalg.norm(np.atleast_2d(known if given is None else given), axis=1)
+    return max(_FASTEST, std, float(told.max())) * scenario.dt
+
+
+def leaps(scenario: Scenario, range_std: float) -> bool:
+    """Whether ranges bend by more than their noise (m) over that: then a step is long for any target that turns."""
+    return scenario.filter.defaults > 14 and reach(scenario) ** 2 > 2.0 * half_box(scenario) * range_std
 
 
 def unknown(scenario: Scenario) -> bool:

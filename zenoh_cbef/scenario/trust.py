@@ -78,6 +78,11 @@ def may_be_biased(scenario: Scenario) -> bool:
     return told or _lastingly_at_fault(scenario) or real(scenario)
 
 
+def may_be_wrong(scenario: Scenario) -> bool:
+    """Whether ranges may have an error beside their noise, of which the scenario tells."""
+    return may_be_biased(scenario) or scenario.sensor.outlier_probability > 0.0
+
+
 def tells_biases(scenario: Scenario) -> bool:
     """Whether the scenario tells how large the biases of its emulated receivers are."""
     drawn = scenario.sensor.bias_std > 0.0 and scenario.filter.defaults > 6

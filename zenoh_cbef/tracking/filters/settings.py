@@ -120,6 +120,7 @@ class FilterSettings:
     squares: bool = False
     tells_ranges: bool = False
     seeks: bool = False
+    ties: bool = False
     splits: int = 0
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None

@@ -21,6 +21,7 @@ from zenoh_cbef.tracking.filters.information_form import (
     unless_alone,
     variance_of,
 )
+from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer, unpack_upper
 from zenoh_cbef.tracking.motion import Motion
@@ -65,6 +66,7 @@ class SquaredInformation:
     power: int = 1
     widens: bool = False
     least: float = -np.inf
+    ties: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -85,6 +87,7 @@ class SquaredInformation:
             settings.power,
             settings.widens,
             settings.least,
+            settings.ties,
         )
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
@@ -102,10 +105,22 @@ class SquaredInformation:
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State and covariance from the averaged information, linearised about the prior."""
         state, covariance = update.kept
-        prior = Belief(state, covariance)
-        belief = belief_of(self._linearised(payload, prior), self._linearised(update.payload, prior), self.motion.size)
-        belief = Belief(self._centred(belief.state, -1.0), belief.covariance)
+        belief = self._believed(payload, update, Belief(state, covariance))
+        if self.ties:
+            # About a wide prior e is as good as free; again about what was found, where e is linear over that.
+            axes, size = self.space.axes, self.motion.size
+            again = self._believed(payload, update, belief)
+            _, bend = _moments(belief.known_covariance[:, :axes, :axes])
+            known = self.network_size * unpack_upper(payload[:, size + 1 :], size + 1)[:, size, size]
+            straight = bend * np.maximum(known, 0.0) < 1.0
+            belief = chosen(belief, again, straight)
         return unless_alone(belief, payload, update) if self.network_size > 1 else belief
+
+    def _believed(self, payload: Floats, update: Update, about: Belief) -> Belief:
+        """What the average says, linearised about a belief."""
+        own = self._linearised(update.payload, about)
+        belief = belief_of(self._linearised(payload, about), own, self.motion.size)
+        return Belief(self._centred(belief.state, -1.0), belief.covariance)
 
     def _centred(self, state: Floats, sign: float = 1.0) -> Floats:
         """States (n, s) with the position counted from the middle, or with sign -1 back."""
