@@ -63,7 +63,8 @@ class Branches:
 
     mean: (n, k, d). covariance: (n, k, d, d). likelihood: (n, k), its logarithm. wrong: (n, k), how many ranges of the
     step are. biases: where those of a state begin. share: (n, 1), p where the scenario tells of no outliers; None: by
-    the first rules.
+    the first rules. slack: (n, k), m^4, the variance that e has about its regression on x; None: e stays tied to x by
+    that alone.
     Squared ranges are linear in y = (x, e), e = |u|^2 with the position u: see `SquaredInformation`, which has the same
     equations. x: position, velocity, what else moves it, and perhaps the agents' biases from component `biases` on.
 
@@ -88,10 +89,13 @@ class Branches:
     axes: int
     biases: int | None = None
     share: Floats | None = None
+    slack: Floats | None = None
 
     @classmethod
-    def of(cls, priors: Priors, axes: int, biases: int | None = None, share: Floats | None = None) -> Branches:
-        """Of each prior one; e as the statistical linear regression on it tells."""
+    def of(
+        cls, priors: Priors, axes: int, biases: int | None = None, share: Floats | None = None, *, ties: bool = False
+    ) -> Branches:
+        """Of each prior one; e as the statistical linear regression on it tells. ties: see tying.py."""
         state, covariance, likelihood = priors
         size, place = state.shape[2], state[:, :, :axes]
         known = np.ascontiguousarray(covariance[:, :, :axes, :axes])
@@ -105,8 +109,10 @@ class Branches:
         slope[:, :, :axes] = 2.0 * place
         cross = matvec(covariance, slope)
         whole[:, :, :size, size] = whole[:, :, size, :size] = cross
-        whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + 2.0 * np.add.reduce(flat * flat, axis=2)
-        return cls(mean, whole, likelihood, np.zeros_like(likelihood), axes, biases, share)
+        slack = 2.0 * np.add.reduce(flat * flat, axis=2)
+        whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + slack
+        none = np.zeros_like(likelihood)
+        return cls(mean, whole, likelihood, none, axes, biases, share, slack if ties else None)
 
     def expected(self, heard: Heard, agent: int, which: Rows | None = None) -> Expected:
         """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`."""
@@ -157,6 +163,7 @@ class Branches:
             covariance=np.concatenate([covariance, self.covariance], axis=1),
             likelihood=likelihood,
             wrong=np.concatenate([self.wrong, self.wrong + there], axis=1),
+            slack=_beside(self.slack, self.slack),
         )
         return both.likeliest(many)
 
@@ -169,6 +176,7 @@ class Branches:
             covariance=np.take_along_axis(self.covariance, kept[:, :, None, None], axis=1),
             likelihood=np.take_along_axis(self.likelihood, kept, axis=1),
             wrong=np.take_along_axis(self.wrong, kept, axis=1),
+            slack=None if self.slack is None else np.take_along_axis(self.slack, kept, axis=1),
         )
 
     def beside(self, other: Branches) -> Branches:
@@ -179,6 +187,7 @@ class Branches:
             covariance=np.concatenate([self.covariance, other.covariance], axis=1),
             likelihood=np.concatenate([self.likelihood, other.likelihood], axis=1),
             wrong=np.concatenate([self.wrong, other.wrong], axis=1),
+            slack=_beside(self.slack, other.slack),
         )
 
     def unless(self, rows: Bools) -> Branches:
@@ -217,6 +226,10 @@ def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | N
     for agent in range(heard.range.shape[1]):
         prior = prior.after(heard, agent, outliers, many)
     return prior
+
+
+def _beside(one: Floats | None, other: Floats | None) -> Floats | None:
+    return None if one is None or other is None else np.concatenate([one, other], axis=1)
 
 
 def likelihoods(

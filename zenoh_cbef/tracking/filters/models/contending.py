@@ -10,6 +10,7 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors
 from zenoh_cbef.tracking.filters.models.splitting import NEAR, STAY
+from zenoh_cbef.tracking.filters.models.tying import tied
 
 _BEGUN = 0.2, 10.0
 """As if of ten ranges a fiftieth had been wrong before the first one."""
@@ -69,10 +70,11 @@ class Contest:
         elsewhere: where the target may be otherwise, one prior of each agent. counts: (n, 2), before.
         """
         doubts = self._doubts(counts)
-        whole = holds = conditioned(holds, heard, self.outliers)
+        whole = holds = tied(conditioned(holds, heard, self.outliers), heard)
         if doubts.any():
-            born = Branches.of((*elsewhere[:2], elsewhere[2] + _ELSEWHERE), self.axes, holds.biases, holds.share)
-            rises = conditioned(rises.beside(born), heard, self.outliers).unless(~doubts)
+            known, ties = (self.axes, holds.biases, holds.share), holds.slack is not None
+            born = Branches.of((*elsewhere[:2], elsewhere[2] + _ELSEWHERE), *known, ties=ties)
+            rises = tied(conditioned(rises.beside(born), heard, self.outliers), heard).unless(~doubts)
             whole = holds.beside(rises)
         most = np.maximum.reduce(whole.likelihood, axis=1)[:, None]
         near = NEAR if self.splits else None

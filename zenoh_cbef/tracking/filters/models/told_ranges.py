@@ -19,6 +19,7 @@ from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
 from zenoh_cbef.tracking.filters.models.own_range import said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
 from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
+from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
@@ -54,7 +55,7 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity, of one linear motion; 0: there are none. anywhere: where the target may be
     if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges
-    bend, of which several stay then (splitting.py); 0: none. least: ranges below it, m, are none.
+    bend, of which several stay then (splitting.py); 0: none. least: ranges below it, m, are none. ties: see tying.py.
     """
 
     motions: tuple[Motion, ...]
@@ -70,6 +71,7 @@ class ToldRanges:
     seeks: bool = False
     splits: int = 0
     least: float = -np.inf
+    ties: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -94,6 +96,7 @@ class ToldRanges:
             seeks=settings.seeks,
             splits=settings.splits,
             least=settings.least,
+            ties=settings.ties,
         )
 
     @property
@@ -116,9 +119,8 @@ class ToldRanges:
         begins = np.full(len(belief.state), float(belief.chance is None and not belief.memory))
         counts = belief.memory[3] if self.seeks and belief.memory else uncounted(len(belief.state))
         ahead, priors = self._priors(belief)
-        own = self._own(measurement)
-        count, agents = len(ahead), self.network_size
-        slots = np.zeros((count, agents, SLOT))
+        own, count = self._own(measurement), len(ahead)
+        slots = np.zeros((count, self.network_size, SLOT))
         slots[np.arange(count), own] = self._slots.told(measurement)
         payload = np.concatenate([priors[0][0][:, 0, : self._told], slots.reshape(count, -1)], axis=1)
         payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
@@ -151,11 +153,11 @@ class ToldRanges:
     def _after(self, prior: Priors, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
         known = self.space.axes, self._biases, self._share(counts)
+        halves = self._contest.halves(prior) if self.seeks else (prior,)
+        before = [Branches.of(split(one, heard, self.splits), *known, ties=self.ties) for one in halves]
         if self.seeks:
-            holds, rises = (Branches.of(split(one, heard, self.splits), *known) for one in self._contest.halves(prior))
-            return self._contest.after(holds, rises, self._elsewhere(len(counts)), heard, counts)
-        many = MANY if self.splits else MOST
-        branches = conditioned(Branches.of(split(prior, heard, self.splits), *known), heard, self.outliers, many)
+            return self._contest.after(before[0], before[1], self._elsewhere(len(counts)), heard, counts)
+        branches = tied(conditioned(before[0], heard, self.outliers, MANY if self.splits else MOST), heard)
         if self.splits:
             return branches, staying(branches)
         return branches, branches.distinct() if len(self.motions) == 1 else ()
@@ -176,8 +178,8 @@ class ToldRanges:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
             whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
         kept = alike(whole, spread, self._contest.stay * (1 + self.seeks))
-        memory = (*kept, uncounted(len(state))) if self.seeks else kept
-        return replace(belief, state=state, covariance=covariance, memory=memory)
+        counts = (uncounted(len(state)),) if self.seeks else ()
+        return replace(belief, state=state, covariance=covariance, memory=(*kept, *counts))
 
     def denied(self, belief: Belief) -> Bools:
         """Of which agents (n,) ranges deny the place."""
@@ -238,8 +240,7 @@ class ToldRanges:
     def _place(self) -> Gaussian:
         if self.anywhere is None:
             raise ValueError("agents that seek have to know where the target may be")
-        size = self._told
-        return self.anywhere[0][:, :size], self.anywhere[1][:, :size, :size]
+        return self.anywhere[0][:, : self._told], self.anywhere[1][:, : self._told, : self._told]
 
     def _elsewhere(self, count: int) -> Priors:
         """Where the target is, if it is where no hypothesis has it: one prior of each agent."""
