@@ -78,7 +78,7 @@ def test_the_documented_receiver_feeds_a_run(world, free_port):
 
 def test_no_agent_begins_a_step_long_before_its_time_because_its_beacon_is_early(world, free_port):
     assert ON_TIME in PROGRAM
-    feed(world, free_port, PROGRAM.replace(ON_TIME, "time.sleep(0.001)"))
+    feed(world, free_port, PROGRAM.replace(ON_TIME, "time.sleep(0.001 if k <= 100 else 0.1)"))
     dt, slot, begin, told = 0.1, 0.1 / 6, math.inf, 0
     with world.log.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
