@@ -18,7 +18,7 @@ from zenoh_cbef.tracking.reference import Ranges, each_step
 from zenoh_cbef.viewers.scene import Scene, SceneEvent, events_of, logged_steps, scene_of, start_of
 
 _WAITS = 8
-"""Steps for which a message of a run may be on its way: estimates, ranges and beacons come by ways of their own."""
+"""Steps for which a message of a run may be on its way: estimates, ranges, beacons and truth come by their own ways."""
 
 
 class GrowingScene:
@@ -47,7 +47,10 @@ class GrowingScene:
         recording, most = self._recording, max(since, until - _WAITS)
         innovation = recording.estimates.numbers("said", until)[:, most:, NAMES.index("innovation")]
         lacks = np.isfinite(innovation) & ~recording.beacons.seen(until)[:, most:]
-        lacks |= recording.estimates.seen(until)[:, most:] & ~recording.ranges.seen(until)[:, most:]
+        seen, truth = recording.estimates.seen(until)[:, most:], recording.truth.seen(until)
+        lacks |= seen & ~recording.ranges.seen(until)[:, most:]
+        if truth.any():  # real targets have none
+            lacks |= seen & ~truth[:, most:]
         lacking = np.flatnonzero(lacks.any(axis=0))
         return most + int(lacking[0]) if len(lacking) else until
 
