@@ -63,7 +63,7 @@ def may_mistake(scenario: Scenario, range_std: float, axes: int) -> bool:
     none_to_spare = trust.errs(scenario) and scenario.count == axes + 2
     wrong = sensor.outlier_probability > 0.0 or none_to_spare or start.bends_over_guess(scenario)
     wanted = chosen.start != "given" and chosen.reacquire
-    return wrong and _comes(scenario) and wanted and not _flat(scenario, range_std, axes)
+    return wrong and _comes(scenario) and wanted and not near_plane.flat(scenario, range_std, axes)
 
 
 def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: float) -> bool:
@@ -83,7 +83,7 @@ def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: floa
         motion = NearlyConstantVelocity(scenario.dt, between, agile.axes)
         bend = bending.bending(scenario, motion, range_std, scenario.dt)[1]
         return bend * sqrt(scenario.count) > bending.MOST or agile.acceleration_std <= turning_round(scenario)
-    flat = _flat(scenario, range_std, agile.axes)
+    flat = near_plane.flat(scenario, range_std, agile.axes)
     return not flat and bending.weakest(scenario, agile, range_std) > bending.STRAIGHT
 
 
@@ -94,11 +94,6 @@ def _comes(scenario: Scenario) -> bool:
     """
     everywhere = scenario.consensus.rounds >= scenario.count - 1
     return everywhere and scenario.filter.range_std is None and scenario.sensor.bias_std == 0.0
-
-
-def _flat(scenario: Scenario, range_std: float, axes: int) -> bool:
-    """Whether agents are in one plane, or near one, so that a mirror image fits their ranges."""
-    return bending.mirrored(scenario, range_std, axes) or near_plane.plane(scenario, range_std, axes) is not None
 
 
 def _explained(scenario: Scenario) -> bool:
