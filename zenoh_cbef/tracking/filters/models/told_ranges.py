@@ -265,8 +265,7 @@ class ToldRanges:
         size, bias = self.motions[0].size, None
         if self._more:
             rows, place = np.arange(len(state)), size + own.astype(np.intp)
-            std = np.sqrt(np.maximum(covariance[rows, place, place], 0.0))
-            bias = Bias.constant(state[rows, place], std)
+            bias = Bias.constant(state[rows, place], np.sqrt(np.maximum(covariance[rows, place, place], 0.0)))
         here = np.ascontiguousarray(state[:, :size]), np.ascontiguousarray(covariance[:, :size, :size])
         return Belief(*here, bias, later)
 
