@@ -68,8 +68,8 @@ def test_endpoints_are_told_apart(world):
         found = examine(world, "--connect", endpoint, status=2)
         assert levels(found["endpoint"]) == ["ok"]
         assert "does not answer as Zenoh does" in found["link"][0]["text"]
-    nobody = unused_endpoint()
-    found = examine(world, "--connect", nobody, "--connect", "tcp/no-such-host.invalid:1", status=2)
+    silent = unused_endpoint()
+    found = examine(world, "--connect", silent, "--connect", "tcp/no-such-host.invalid:1", status=2)
     assert "no process listens" in found["endpoint"][0]["text"]
     assert "has no address" in found["endpoint"][1]["text"]
 

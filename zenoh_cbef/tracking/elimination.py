@@ -11,14 +11,14 @@ a matrix has the same inverse in any batch, and on any processor.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Protocol, overload
 
 import numpy as np
 
-from zenoh_cbef.arrays import Floats
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.linalg import Inversion, upper
 
 _LARGEST = 6
@@ -27,8 +27,14 @@ _LARGEST = 6
 _FEW = 24
 """Fewer matrices are sooner inverted one by one."""
 
-_Program = Callable[..., tuple[Sequence[Any], Any]]
-"""From the upper triangle of a matrix, that of its inverse, and whether it is positive definite."""
+
+class _Program(Protocol):
+    """From the upper triangle of a matrix, that of its inverse, and whether it is positive definite; or of many."""
+
+    @overload
+    def __call__(self, *entries: float) -> tuple[Sequence[float], bool]: ...
+    @overload
+    def __call__(self, *entries: Floats) -> tuple[Sequence[Floats], Bools]: ...
 
 
 @dataclass(frozen=True)

@@ -93,8 +93,8 @@ def test_in_lockstep_injected_faults_begin_with_a_step_for_all_and_the_log_is_pr
     fault("clear", "0")
     listed = json.loads(fault("list", "--json"))
     assert listed[0]["until"] > listed[0]["from"]
-    unknown = world.done("fault", "list", "--run", "nobody", status=2)
-    assert "no run 'nobody' goes on on this host (there " in unknown.stderr
+    unknown = world.done("fault", "list", "--run", "absent", status=2)
+    assert "no run 'absent' goes on on this host (there " in unknown.stderr
     pass_by(listed[2]["until"] + 2.0)
     run.terminate()
     ended(run, 130)
