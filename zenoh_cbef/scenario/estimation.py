@@ -60,7 +60,7 @@ class Filter(Table):
     """
 
     kind: str = "sicf"
-    defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15] = 15
+    defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16] = 16
     options: Options = None
     plugin: str | None = None
     xi: Annotated[Factor | Literal["auto"], Field(description="a number from 1e-06 to 1e+12, or 'auto'")] = "auto"
