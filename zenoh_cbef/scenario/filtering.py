@@ -269,6 +269,7 @@ class Filtering:
             sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes, mirrored=mirrored),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             first_fix=self.first_fix_steps,
+            joins_fix=chosen.defaults > 15,
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),
             tries_guess=self.search is not None and start.tries_guess(scenario),
             search=self.search,

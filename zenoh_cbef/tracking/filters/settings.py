@@ -110,6 +110,7 @@ class FilterSettings:
     doubts_noise: bool = False
     counts_ranges: bool = False
     first_fix: int = 0
+    joins_fix: bool = False
     squared_fix: int = 0
     tries_guess: bool = False
     search: tuple[Floats, Floats] | None = None

@@ -51,7 +51,8 @@ class Knowing(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
         inner = belief.parts[0] if belief.parts else belief
-        status = Status.first(len(belief.state)) if belief.status is None else belief.status
+        passed = (measurement.step or 1) - 1 if self.settings.joins_fix else 0
+        status = Status.first(len(belief.state), passed) if belief.status is None else belief.status
         update = self.filter.update(inner, measurement)
         nis, degrees = update.diagnostics.nis, update.diagnostics.nis_degrees
         heard = np.isfinite(nis) & (degrees > 0)
