@@ -240,6 +240,7 @@ class Filtering:
             learns_noise=chosen.range_std == "auto" and not doubts,
             recorded=trust.lasts(scenario) and chosen.defaults > 11,
             outliers=start.outliers(scenario),
+            weighed=trust.weighed_outliers(scenario),
         )
 
     def _finding(self, settings: FilterSettings) -> FilterSettings:

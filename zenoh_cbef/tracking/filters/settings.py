@@ -10,6 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
 from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space
 
 
@@ -60,7 +61,7 @@ class FilterSettings:
     the target elsewhere; splits: how it splits hypotheses, of which it keeps several of each motion then (see
     splitting.py), 0: it does not. plane: that they are near, a point of it and its normal; None: near none, or mirror
     images are no matter. outliers: what share of the ranges are too long, and by how much (m) on average, where the
-    scenario tells so and a first fix takes it into account.
+    scenario tells so and a first fix takes it into account; weighed: the same where it takes the place of saturation.
     options: of a kind of another package, `filter.options`. inversion: how sicf and a first fix invert matrices.
     least: a range below it, m, is none where ranges are squared, as its square is another one's.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
@@ -125,6 +126,7 @@ class FilterSettings:
     splits: int = 0
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
+    weighed: Outliers | None = None
     guesses: tuple[int, int] | None = (1, 1)
     least: float = -np.inf
     options: Mapping[str, object] = field(default_factory=dict)

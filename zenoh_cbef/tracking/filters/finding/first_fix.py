@@ -14,16 +14,9 @@ from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.finding.prior import carried, together
 from zenoh_cbef.tracking.filters.finding.remembered_ranges import Remembered, Rows, Wandering, contamination
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Frame, Seen, SquaredRanges
-from zenoh_cbef.tracking.filters.information_form import (
-    belief_of,
-    pack,
-    packed_size,
-    predict,
-    saturation,
-    told,
-    variance_of,
-)
+from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, predict, told, variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.filters.weighing import saturation
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion, matvec, neighbour_sum
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space

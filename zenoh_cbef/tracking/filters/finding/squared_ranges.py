@@ -10,7 +10,8 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, saturation
+from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size
+from zenoh_cbef.tracking.filters.weighing import saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
