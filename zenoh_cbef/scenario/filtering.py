@@ -260,7 +260,8 @@ class Filtering:
             reacquires=window,
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),
-            bends=chosen.defaults > 7 and not tells,
+            # At turns among told outliers an estimate is unsure for some steps, though no range is missing.
+            bends=chosen.defaults > 7 and not (tells or (self.models and trust.weighed_outliers(scenario))),
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),
             rejoins=chosen.defaults > 13,

@@ -189,7 +189,7 @@ def weighed_outliers(scenario: Scenario) -> Outliers | None:
     told = sensor.outlier_probability > 0.0 and not real(scenario)
     if chosen.defaults < 16 or not (left_open and told):
         return None
-    return Outliers(sensor.outlier_probability, sensor.outlier_scale, scenario.count)
+    return Outliers(sensor.outlier_probability, sensor.outlier_scale)
 
 
 def widens(scenario: Scenario, *, power: int, wide: bool) -> bool:

@@ -8,12 +8,6 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 
-_SPARED = 0.5
-"""What part of the prior's information is left where all agents' ranges leave the distance less sure."""
-
-_LEAST = 1e-9
-"""The least variance of a distance before the range, in variances of its noise."""
-
 _ERFC = (
     *(-1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806),
     *(0.27886807, -1.13520398, 1.48851587, -0.82215223, 0.17087277),
@@ -33,7 +27,7 @@ class Informed:
 
     def weight(self, noise: Floats) -> Floats:
         """What is left of what ranges of this noise, m^2, would tell without outliers, from 0 to 1."""
-        return np.maximum(self.precision * noise, 0.0)
+        return self.precision * noise
 
 
 @dataclass(frozen=True)
@@ -46,27 +40,26 @@ class Outliers:
 
     These moments are exact for one range (Masreliez, IEEE TAC 20(1), 1975). An outlier that is larger than noise and
     prior counts for nothing; one that is not makes a range less sure and, as all are too long, pulls to the short side.
-    Between the two J may be below zero: the range leaves the distance less sure than it was. Each of n agents adds its
-    own to the n-th part of the prior's information. So that all together stay positive definite, U >= -1/(2 n C).
+    Between the two J may be below zero: the range leaves the distance less sure than it was. There U = 0, as all agents'
+    information is added up and has to stay positive definite.
 
-    share: p. mean: m, m. agents: n.
+    share: p. mean: m, m.
     """
 
     share: float
     mean: float
-    agents: int
 
     def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
         """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""
         total, share = spread**2, self.share
-        prior = np.maximum(total - noise, _LEAST * noise)
+        prior = total - noise
         gauss, wrong, exponent = _densities(innovation, total, self.mean)
         density = (1.0 - share) * gauss + share * wrong
         slope, rise = -innovation / total * gauss, (gauss - wrong) / self.mean
         bend = (1.0 - share) * (innovation**2 / total - 1.0) / total * gauss + share * (slope - rise) / self.mean
         score = -((1.0 - share) * slope + share * rise) / density
-        curvature = np.minimum(score**2 - bend / density, 1.0 / total)
-        precision = np.maximum(curvature / (1.0 - prior * curvature), -_SPARED / (self.agents * prior))
+        curvature = np.clip(score**2 - bend / density, 0.0, 1.0 / total)
+        precision = curvature / (1.0 - prior * curvature)
         grows = 1.0 + prior * precision
         cost = score**2 * prior * grows - np.log(grows) - 2.0 * (np.log(density) - exponent)
         return Informed(score * grows, precision, cost)
