@@ -105,10 +105,16 @@ def doubted_noises(scenario: Scenario, motion: Motion, *, told: bool, leaps: boo
     together = exact and scenario.count > 1 and stage.rounds > 0 and chosen.measurement == "range"
     if known or trust.real(scenario) or not together or not isinstance(motion, LinearMotion) or motion.extra_std:
         return ()
-    return tuple(
-        replace(motion, acceleration_std=factor * motion.acceleration_std)
-        for factor in (_LESS if leaps else _FEWER if told else _FACTORS)
-    )
+    factors = _LESS if leaps else _FEWER if told else _FACTORS
+    if _begins_at_rest(scenario) and chosen.defaults > 15:
+        while factors[-1] * motion.acceleration_std < _pushed(scenario):
+            factors = (*factors, factors[-1] ** 2 / factors[-2])
+    return tuple(replace(motion, acceleration_std=factor * motion.acceleration_std) for factor in factors)
+
+
+def _pushed(scenario: Scenario) -> float:
+    """The acceleration, m/s^2, that takes a target from rest as far as it gets in a step."""
+    return 2.0 * start.reach(scenario) / scenario.dt**2
 
 
 def assumed_motion(scenario: Scenario, range_std: float, axes: int, *, leaps: bool = False) -> Motion:
@@ -154,6 +160,7 @@ def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings
         velocity_time=chosen.velocity_time,
         turn_rate_std=chosen.turn_rate_std,
         turn_rate_change=chosen.turn_rate_change,
+        throughout=chosen.defaults < 16,
     )
 
 

@@ -79,8 +79,8 @@ def _wide_guess(plan: Plan) -> list[str]:
     kept = ", or leave filter.start out" if chosen.start == "given" else ""
     warning = (
         f"agents make no first fix here, and the filter takes ranges for straight that bend by {number(times)} times "
-        f"their noise over filter.initial_position_std = {number(std)} m: it may lose its target, and be sure of a wrong "
-        f"place; give a better guess{kept}{other}"
+        f"their noise over filter.initial_position_std = {number(std)} m: it may lose its target, and be sure of a "
+        f"wrong place; give a better guess{kept}{other}"
     )
     return [warning]
 

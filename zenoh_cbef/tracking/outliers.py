@@ -40,8 +40,8 @@ class Outliers:
 
     These moments are exact for one range (Masreliez, IEEE TAC 20(1), 1975). An outlier that is larger than noise and
     prior counts for nothing; one that is not makes a range less sure and, as all are too long, pulls to the short side.
-    Between the two J may be below zero: the range leaves the distance less sure than it was. There U = 0, as all agents'
-    information is added up and has to stay positive definite.
+    Between the two J may be below zero: the range leaves the distance less sure than it was. There U = 0, as what all
+    agents add up has to stay positive definite.
 
     share: p. mean: m, m.
     """
