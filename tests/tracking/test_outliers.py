@@ -85,3 +85,10 @@ def test_small_outliers_do_not_make_many_agents_too_sure():
 def test_where_the_scenario_asks_for_saturation_ranges_saturate(key):
     assert Plan(load("tracking", SMALL).scenario).settings.weighed == Outliers(0.3, 0.3)
     assert Plan(load("tracking", [*SMALL, key]).scenario).settings.weighed is None
+
+
+def test_a_turn_among_outliers_is_no_silence():
+    turns = "target.motion=circle", "sensor.outlier_probability=0.3"
+    settings = [Plan(load("tracking", [*turns, more]).scenario).settings for more in ("dt=0.1", "filter.defaults=15")]
+    assert all(one.models and not one.tells_ranges for one in settings)
+    assert [one.bends for one in settings] == [False, True]
