@@ -24,6 +24,7 @@ from zenoh_cbef.cli.options.typesetting import AsTable
 from zenoh_cbef.cli.terminal.console import console, tell, tell_what_lacks, warn
 from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.common.naming import LOGS
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
@@ -93,7 +94,10 @@ def _compare(
 
 
 def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
-    """Read the logs. A file that is no log is named and left out. Raises UserError where none is left."""
+    """Read the logs. A file that is no log is named and left out, as `logs/*` may have some.
+
+    Raises UserError where a name leads nowhere, and where none is left.
+    """
     found: dict[Path, tuple[Path, Trace]] = {}
     refused: list[UserError] = []
     # logs/latest stands for the run that it leads to, which logs/* names, too.
@@ -103,6 +107,8 @@ def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
             if not given.is_symlink() or path.resolve() not in {one.resolve() for one, _ in found.values()}:
                 found[given] = path, read_trace(path)
         except UserError as error:
+            if not (given.exists() or (LOGS / given).exists()):
+                raise
             refused.append(error)
     if not found:
         raise refused[0] if len(logs) == 1 else UserError("none of these is a log of a run; give runs' folders or logs")

@@ -45,6 +45,5 @@ def draw(dataset: Dataset, path: Path) -> Path:
     axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.grid(visible=True, color="0.9")
     axes.legend(fontsize="small")
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)
     return path
