@@ -12,6 +12,7 @@ import typer
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.joining import Joining, JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.options.shared import Overrides, ScenarioName
+from zenoh_cbef.cli.terminal.one_line import OneLine
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.nodes.target.process import run_target
@@ -83,10 +84,14 @@ def _target(
     name = run or loaded.scenario.name
     connection = _connection(ctx.joining, loaded.scenario.zenoh)
     identity = identity_of("target", "target", name, connection, patience)
-    if sys.stderr.isatty():
-        places = ", ".join(connection.listen or connection.connect)
-        sys.stderr.write(f"run {name}: waiting for {counted(loaded.scenario.count, 'agent')} on {places}\n")
-    last = run_target(identity, loaded, world, receivers=receivers, wait_for=wait_for)
+    places, line = ", ".join(connection.listen or connection.connect), OneLine()
+    if line.over:
+        sys.stderr.write(f"run {name}: {counted(loaded.scenario.count, 'agent')} to come to {places}\n")
+    try:
+        report = line.show if line.over else None
+        last = run_target(identity, loaded, world, receivers=receivers, wait_for=wait_for, report=report)
+    finally:
+        line.close()
     typer.echo(f"the target ended after step {last}")
 
 
