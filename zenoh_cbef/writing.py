@@ -50,6 +50,12 @@ def whole(output: Path) -> Iterator[Path]:
         yield fresh
 
 
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file, which is whole or not there. Raises UserError."""
+    with whole(path) as fresh:
+        fresh.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def replacing(output: Path) -> Iterator[Path]:
     """As `whole`, for callers with a remedy of their own. Raises OSError, and UserError where there is no folder."""

@@ -16,7 +16,7 @@ MISTAKES = {
     "no fault at all": (["fault", "add", "nonsense"], "see 'zenoh-cbef fault kinds'"),
     "a verb of others": (["report", "x.mcap"], "Did you mean 'analyze --report'?"),
     "a verb of other programs": (["bag", "info", "x.mcap"], "Did you mean 'record', 'info', 'filter' or 'replay'?"),
-    "an option of other programs": (["cat", "x.mcap", "--topics", "/a"], "No such option: --topics. Did you mean '-y'?"),
+    "an option of other programs": (["cat", "x.mcap", "--topics", "/a"], "option: --topics. Did you mean '-y'?"),
     "a number of an option with a letter": (["replay", "x.mcap", "-r", "0"], "--rate must be greater than or equal to"),
     "number in words": (["sim", "--seeds", "x"], "--seeds must be a whole number; see 'zenoh-cbef sim -h'"),
     "too few": (["sim", "--seeds", "0"], "--seeds must be greater than or equal to 1; see"),

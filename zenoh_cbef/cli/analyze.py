@@ -62,7 +62,8 @@ def _analyze(
         folder = output or default.parent
         failed = write_outputs(analysis, folder, prefix, report=report, remedy="name another folder with --output")
         page = folder / f"{prefix}{REPORT}"
-        if report and page.exists() and not (as_json or as_table):
+        written = page.exists() and not any(str(page) in str(one) for one in failed)
+        if report and written and not (as_json or as_table):
             say(f"report  {page}")
     tell_what_lacks(notes(analysis.metrics))
     # An output that the user asked for and that cannot be written is a mistake; of the others a note is enough.

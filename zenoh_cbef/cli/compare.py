@@ -30,7 +30,7 @@ from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
 from zenoh_cbef.numbers import SKIPPED, number
 from zenoh_cbef.trace import Trace
-from zenoh_cbef.writing import writing
+from zenoh_cbef.writing import write_whole
 
 Logs = Annotated[
     list[Path],
@@ -89,8 +89,7 @@ def _compare(
         if path.suffix == ".html":
             write_comparison(analyses, names, path)
         else:
-            with writing(path):
-                path.write_text(_csv(rows), encoding="utf-8")
+            write_whole(path, _csv(rows))
 
 
 def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
