@@ -256,7 +256,8 @@ def _tell(summary: Summary) -> None:
             say(said)
         if one.why:
             tell(f"{one.metric}: {one.why}")
-    say(f"verdict {summary.verdict}")
+    untold = summary.verdict == "met" and not summary.expect
+    say(f"verdict {summary.verdict}{', as the file has no [[expect]]' * untold}")
 
 
 def _short(varied: Sequence[str]) -> list[str]:

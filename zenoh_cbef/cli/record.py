@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -56,10 +57,8 @@ def _record(
         tell(f"to join them, when both have ended: zenoh-cbef merge {output} {log} -o FILE")
     identity = identity_of("record", name, run, ctx.joining.connection("record"), patience)
     line = OneLine()
-    try:
+    with closing(line):
         last = run_recorder(identity, log, keys=keys or (), sync=sync, report=report, stay=stay, say=tell)
-    finally:
-        line.close()
     if not status_json:
         typer.echo(f"{counted(last.messages, 'message')} in {log}, {last.missing} missing")
     if last.failure:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -38,6 +40,14 @@ def _connection(joining: Joining, zenoh: Zenoh) -> Connection:
     ).connection("target")
     listen = connection.listen or (() if connection.mode == "client" else (connection.loopback(PORT),))
     return replace(connection, listen=listen, multicast=zenoh.multicast)
+
+
+def _begun(line: OneLine, words: str, connection: Connection) -> Callable[[str], None] | None:
+    """On a terminal say where the run is; returns what shows on it how far that is."""
+    if not line.over:
+        return None
+    sys.stderr.write(f"{words} {', '.join(connection.listen or connection.connect)}\n")
+    return line.show
 
 
 def _target(
@@ -84,14 +94,9 @@ def _target(
     name = run or loaded.scenario.name
     connection = _connection(ctx.joining, loaded.scenario.zenoh)
     identity = identity_of("target", "target", name, connection, patience)
-    places, line = ", ".join(connection.listen or connection.connect), OneLine()
-    if line.over:
-        sys.stderr.write(f"run {name}: {counted(loaded.scenario.count, 'agent')} to come to {places}\n")
-    try:
-        report = line.show if line.over else None
+    with closing(OneLine()) as line:
+        report = _begun(line, f"run {name}: {counted(loaded.scenario.count, 'agent')} to come to", connection)
         last = run_target(identity, loaded, world, receivers=receivers, wait_for=wait_for, report=report)
-    finally:
-        line.close()
     typer.echo(f"the target ended after step {last}")
 
 
