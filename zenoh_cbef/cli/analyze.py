@@ -17,7 +17,7 @@ from zenoh_cbef.cli.options.places import beside, new_folder_of
 from zenoh_cbef.cli.options.shared import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.options.smoothing import smoothed
 from zenoh_cbef.cli.options.typesetting import AsTable
-from zenoh_cbef.cli.terminal.console import console, say, tell, tell_what_lacks
+from zenoh_cbef.cli.terminal.console import console, errors, say, tell, tell_what_lacks
 from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
@@ -46,8 +46,9 @@ def _analyze(
     own = output is None or output.resolve() == log.parent.resolve()
     if output is not None and not own:
         new_folder_of(output, [METRICS, *([REPORT, FIGURES] if report else [])], force=force)
-    trace = read_trace(*paths)
-    analysis = analyze([smoothed(trace, *paths) if smooth else trace], skip)[0]
+    with errors.status("reading and analysing"):
+        trace = read_trace(*paths)
+        analysis = analyze([smoothed(trace, *paths) if smooth else trace], skip)[0]
     failed: list[UserError] = []
     default = beside(log, METRICS)
     prefix = default.name.removesuffix(METRICS) if own else ""

@@ -21,7 +21,7 @@ from zenoh_cbef.cli.options.places import new_file
 from zenoh_cbef.cli.options.shared import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.options.smoothing import smoothed
 from zenoh_cbef.cli.options.typesetting import AsTable
-from zenoh_cbef.cli.terminal.console import console, tell, tell_what_lacks, warn
+from zenoh_cbef.cli.terminal.console import console, errors, tell, tell_what_lacks, warn
 from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import LOGS
@@ -68,11 +68,12 @@ def _compare(
     """Put logged runs side by side: errors, consistency, disagreement, bytes and losses, a row for each."""
     for path in output or ():
         new_file(path, {".csv": "for the rows", ".html": "for the curves"}, force=force)
-    paths, traces = _read(expanded(logs))
-    if smooth:
-        traces = [smoothed(trace, path) for trace, path in zip(traces, paths, strict=True)]
-    names = names_of(traces, paths)
-    analyses = [analyze([trace], skip)[0] for trace in traces]
+    with errors.status("reading and analysing"):
+        paths, traces = _read(expanded(logs))
+        if smooth:
+            traces = [smoothed(trace, path) for trace, path in zip(traces, paths, strict=True)]
+        names = names_of(traces, paths)
+        analyses = [analyze([trace], skip)[0] for trace in traces]
     rows = [row(one, name) for one, name in zip(analyses, names, strict=True)]
     for one, name in zip(analyses, names, strict=True):
         tell_what_lacks(notes(one.metrics), name)

@@ -97,7 +97,7 @@ def _target(
     with closing(OneLine()) as line:
         report = _begun(line, f"run {name}: {counted(loaded.scenario.count, 'agent')} to come to", connection)
         last = run_target(identity, loaded, world, receivers=receivers, wait_for=wait_for, report=report)
-    typer.echo(f"the target ended after step {last}")
+    typer.echo("the target ended " + (f"after step {last}" if last else f"before run {name} had begun"))
 
 
 VERB = verb(_target, "target tracking --run mine --listen tcp/192.0.2.1:7447", JoiningCommand)
