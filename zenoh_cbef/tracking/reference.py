@@ -11,7 +11,7 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.information_form import predict
 from zenoh_cbef.tracking.filters.weighing import weigh
-from zenoh_cbef.tracking.linalg import inverse, inverse_if_any, matvec
+from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space, own_range
@@ -90,7 +90,7 @@ def taken_in(
     cost = precision * innovation**2 - np.log(weight) if weighed.cost is None else measured * weighed.cost
     weighted = precision[:, :, None] * rows
     # Where the target is lost by far, a covariance may be so long in one direction that it is singular: that run ends.
-    updated = inverse_if_any(inverse_if_any(covariance) + weighted.swapaxes(1, 2) @ rows)
+    updated = inverse(inverse(covariance) + weighted.swapaxes(1, 2) @ rows)
     pull = np.add.reduce(weighted * innovation[:, :, None], axis=1)
     if weighed.more is not None:
         pull += np.add.reduce(weighed.more[:, :, None] * rows, axis=1)
