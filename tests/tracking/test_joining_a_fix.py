@@ -75,3 +75,8 @@ def test_a_fix_that_forgets_says_the_same_whatever_was_measured_before(kind):
 
     np.testing.assert_array_equal(payload(5.0, forgets=True), payload(7.0, forgets=True))
     assert (payload(5.0, forgets=False) != payload(7.0, forgets=False)).any()
+
+
+def test_agents_may_begin_anew_in_all_steps_but_those_of_a_fix_that_they_cannot_join():
+    assert Plan(load("tracking", [FAR]).scenario).closed_steps == 0
+    assert Plan(load("tracking", [FAR, "filter.defaults=15"]).scenario).closed_steps == 20

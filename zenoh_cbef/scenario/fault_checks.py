@@ -25,8 +25,7 @@ def refuse(plan: Plan) -> None:
 
 
 def _check_absences(plan: Plan) -> None:
-    scenario, absences = plan.scenario, plan.absences
-    settled = 0 if plan.search else plan.first_fix_steps
+    scenario, absences, settled = plan.scenario, plan.absences, plan.closed_steps
     if not absences.any:
         return
     if absences.empty is not None:
