@@ -105,16 +105,10 @@ def doubted_noises(scenario: Scenario, motion: Motion, *, told: bool, leaps: boo
     together = exact and scenario.count > 1 and stage.rounds > 0 and chosen.measurement == "range"
     if known or trust.real(scenario) or not together or not isinstance(motion, LinearMotion) or motion.extra_std:
         return ()
-    factors = _LESS if leaps else _FEWER if told else _FACTORS
-    if _begins_at_rest(scenario) and chosen.defaults > 15:
-        while factors[-1] * motion.acceleration_std < _pushed(scenario):
-            factors = (*factors, factors[-1] ** 2 / factors[-2])
-    return tuple(replace(motion, acceleration_std=factor * motion.acceleration_std) for factor in factors)
-
-
-def _pushed(scenario: Scenario) -> float:
-    """The acceleration, m/s^2, that takes a target from rest as far as it gets in a step."""
-    return 2.0 * start.reach(scenario) / scenario.dt**2
+    return tuple(
+        replace(motion, acceleration_std=factor * motion.acceleration_std)
+        for factor in (_LESS if leaps else _FEWER if told else _FACTORS)
+    )
 
 
 def assumed_motion(scenario: Scenario, range_std: float, axes: int, *, leaps: bool = False) -> Motion:
@@ -172,7 +166,13 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
     of_target = target.motion == "ncv" and not _begins_at_rest(scenario)
     if of_target or (scenario.filter.defaults == 1 and target.motion != "dataset"):
         return target.acceleration_std
-    return RECORDED_ACCELERATION if target.motion == "dataset" else _noise(scenario, range_std, _INDEX)
+    if target.motion == "dataset":
+        return RECORDED_ACCELERATION
+    index = _noise(scenario, range_std, _INDEX)
+    if scenario.filter.defaults < 16 or not _begins_at_rest(scenario) or trust.real(scenario):
+        return index
+    # What takes a target from rest as far as it gets in a step.
+    return max(index, 2.0 * start.reach(scenario) / scenario.dt**2)
 
 
 def _begins_at_rest(scenario: Scenario) -> bool:
