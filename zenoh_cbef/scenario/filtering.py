@@ -26,7 +26,7 @@ from zenoh_cbef.tracking.filters import Abilities, abilities_of
 from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import BY_LIBRARY
-from zenoh_cbef.tracking.motion import LinearMotion, Motion
+from zenoh_cbef.tracking.motion import Jump, LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space
 
 
@@ -122,7 +122,8 @@ class Filtering:
         """How each motion's hypotheses are split, of agents that tell each other their ranges; 0: it keeps one."""
         if self.tells_ranges and telling.leaves_curves(self.scenario, self.models or (self.motion,), self.range_std):
             return CLOSELY
-        return ROUGHLY * (self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13)
+        keeps = self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13
+        return keeps * (CLOSELY if self.scenario.filter.defaults > 15 else ROUGHLY)
 
     @alike
     def plain_motion(self) -> LinearMotion:
@@ -195,6 +196,8 @@ class Filtering:
             models=self.models,
             leaving=leaving(scenario, doubted=bool(self.noises), told=self.tells_ranges),
             noises=self.noises,
+            nearer=chosen.defaults > 15 and bool(self.noises) and not self._leaps,
+            unseen=chosen.defaults > 15 and isinstance((self.models or (None,))[-1], Jump),
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
             tells_ranges=self.tells_ranges,
@@ -259,6 +262,7 @@ class Filtering:
             reacquires=window,
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),
+            drifts=chosen.defaults < 16 or not self.splits,
             bends=chosen.defaults > 7 and not tells,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),
