@@ -123,7 +123,16 @@ class Filtering:
         if self.tells_ranges and telling.leaves_curves(self.scenario, self.models or (self.motion,), self.range_std):
             return CLOSELY
         keeps = self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13
-        return keeps * (CLOSELY if self.scenario.filter.defaults > 15 else ROUGHLY)
+        return keeps * (CLOSELY if self._none_to_spare else ROUGHLY)
+
+    @property
+    def _none_to_spare(self) -> bool:
+        """Whether agents that keep several hypotheses of each motion are no more than a step's unknowns.
+
+        Ranges then leave curves between turns, and a seed may place four agents in one plane.
+        """
+        few = self.scenario.count <= self.space.axes + 1
+        return few and self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 15
 
     @alike
     def plain_motion(self) -> LinearMotion:
@@ -196,7 +205,7 @@ class Filtering:
             models=self.models,
             leaving=leaving(scenario, doubted=bool(self.noises), told=self.tells_ranges),
             noises=self.noises,
-            nearer=chosen.defaults > 15 and bool(self.noises) and not self._leaps,
+            nearer=chosen.defaults > 15 and bool(self.noises) and scenario.target.motion == "ncv",
             unseen=chosen.defaults > 15 and isinstance((self.models or (None,))[-1], Jump),
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
@@ -249,7 +258,7 @@ class Filtering:
         """With what finds the target, at first and again, and says what the estimate is."""
         scenario, chosen, able, tells = self.scenario, self.scenario.filter, self.abilities, self.tells_ranges
         window = 0 if self.seeks else start.window(scenario, self.settling_steps)
-        mirrored = bending.mirrored(scenario, self.range_std, self.space.axes)
+        mirrored = self._none_to_spare or bending.mirrored(scenario, self.range_std, self.space.axes)
         pauses = not tells and bending.may_pause(scenario, self.plain_motion, self.range_std)
         return replace(
             settings,
