@@ -23,7 +23,6 @@ from zenoh_cbef.scenario.motion import (
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.elimination import BY_ELIMINATION
 from zenoh_cbef.tracking.filters import Abilities, abilities_of
-from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import BY_LIBRARY
 from zenoh_cbef.tracking.motion import Jump, LinearMotion, Motion
@@ -120,19 +119,8 @@ class Filtering:
     @property
     def splits(self) -> int:
         """How each motion's hypotheses are split, of agents that tell each other their ranges; 0: it keeps one."""
-        if self.tells_ranges and telling.leaves_curves(self.scenario, self.models or (self.motion,), self.range_std):
-            return CLOSELY
-        keeps = self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13
-        return keeps * (CLOSELY if self._none_to_spare else ROUGHLY)
-
-    @property
-    def _none_to_spare(self) -> bool:
-        """Whether agents that keep several hypotheses of each motion are no more than a step's unknowns.
-
-        Ranges then leave curves between turns, and a seed may place four agents in one plane.
-        """
-        few = self.scenario.count <= self.space.axes + 1
-        return few and self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 15
+        motions = self.models or (self.motion,)
+        return telling.splits(self.scenario, motions, self.range_std) if self.tells_ranges else 0
 
     @alike
     def plain_motion(self) -> LinearMotion:
@@ -258,7 +246,8 @@ class Filtering:
         """With what finds the target, at first and again, and says what the estimate is."""
         scenario, chosen, able, tells = self.scenario, self.scenario.filter, self.abilities, self.tells_ranges
         window = 0 if self.seeks else start.window(scenario, self.settling_steps)
-        mirrored = self._none_to_spare or bending.mirrored(scenario, self.range_std, self.space.axes)
+        drawn_flat = tells and telling.none_to_spare(scenario, self.models)
+        mirrored = drawn_flat or bending.mirrored(scenario, self.range_std, self.space.axes)
         pauses = not tells and bending.may_pause(scenario, self.plain_motion, self.range_std)
         return replace(
             settings,
