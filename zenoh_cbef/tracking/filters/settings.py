@@ -28,10 +28,10 @@ class FilterSettings:
     # The network, and the filter's kind.
     network_size: int
     """How many agents there are; 1 where they exchange nothing."""
-    rounds: int = 0
-    """Of a step."""
     omega: float | None = None
     """What `hcmci` multiplies averaged measurements by; None: network_size."""
+    rounds: int = 0
+    """Of a step."""
     differenced: bool = False
     """Whether `ci` and `local` take in differences of ranges in place of the agent's own range."""
     options: Mapping[str, object] = field(default_factory=dict)
