@@ -256,7 +256,7 @@ class Filtering(Meant):
             reacquires=window,
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),
-            drifts=chosen.defaults < 16 or not (self.models and self.splits),
+            drifts=not drawn_flat or network.parts(scenario),
             bends=chosen.defaults > 7 and not tells,
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),

@@ -15,7 +15,7 @@ def drifted(settings: FilterSettings, belief: Belief, status: Status, position: 
     """Which agents have coasted too far to linearise at their estimate, (n,). position: theirs, (n, 3), m.
 
     Those whose claimed error is twenty times the usual one, or over whose claimed error ranges bend. No agents that
-    split hypotheses of several motions, which follow the bend of ranges: a fix would forget them.
+    all go by hypotheses which follow the bend of ranges: a fix would forget them.
     """
     coasts = status.coasts
     if not settings.drifts:
