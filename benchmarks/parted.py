@@ -38,7 +38,7 @@ def run(repeats: int, seeds: int = SEEDS, first: int = FIRST) -> Iterator[Table]
     with np.errstate(all="ignore"):
         traces = simulate(drawn(one, seeds, first))
         done = analyze([believed(trace) for trace in traces])
-        best = np.fmin(*yardsticks([each.trace for each in done], done[0].first))
+        best = np.fmin(*yardsticks([each.trace for each in done], done[0].first)[:2])
         parted = [each for each in done if len(_groups(each.trace)) > 1]
         rows = [_row(each, group) for each in parted for group in _groups(each.trace)]
     near = sum((each.metrics.ratio_to_centralized or np.inf) < NEAR for each in done)

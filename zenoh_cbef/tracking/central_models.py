@@ -54,7 +54,7 @@ class CentralModels:
         misfits = [misfit(one.cost, one.prior[1], one.posterior[1]) for one in taken]
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts = [one.posterior for one in taken]
-        mixture = self.switching.combined(chance, parts)
+        mixture = self.switching.claimed(chance, parts)
         joined = Belief(*mixture, chance=chance, parts=tuple(Belief(*one) for one in parts))
         return joined, _likeliest(taken, self.switching.of_models(ahead))
 

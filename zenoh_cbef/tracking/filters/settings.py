@@ -12,6 +12,7 @@ from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.switching import Switching
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,10 @@ class FilterSettings:
     """Probabilities, of which ranges choose, that the target leaves its motion in a step."""
     noises: tuple[Motion, ...] = ()
     """The motion with the noises of which ranges choose; none: its noise is not in doubt."""
+    nearer: bool = False
+    """Whether a noise rather changes a little."""
+    unseen: bool = False
+    """Whether what agents claim allows for a turn that ranges do not show yet."""
     ties: bool = False
     """Whether steps may be so long that a target which turns is anywhere after one (see tying.py)."""
     splits: int = 0
@@ -139,6 +144,8 @@ class FilterSettings:
     """Whether the agents' places leave open where the target is, so that they never say that they track it."""
     sides: bool = False
     """Whether agents say so when they do not know on which side of them the target is."""
+    drifts: bool = True
+    """Whether agents that have coasted too far begin another fix."""
     bends: bool = False
     """Whether agents coast no further than ranges are straight lines."""
     reacquires: int = 0
@@ -157,6 +164,12 @@ class FilterSettings:
     """Whether all tell each other what they measured where ranges of one do not fit."""
     rejoins: bool = True
     """Whether one that is wrong takes part again after two ranges that fit, or after many."""
+
+    @property
+    def switching(self) -> Switching:
+        """Between which motions the target switches, or noises, and how."""
+        motions = self.models or self.noises or (self.motion,)
+        return Switching(motions, self.leaving, nearer=self.nearer, unseen=self.unseen)
 
     @property
     def constants(self) -> int:

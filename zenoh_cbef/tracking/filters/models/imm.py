@@ -65,9 +65,8 @@ class InteractingModels:
     def of(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Filter]) -> Self:
         """The filter of these settings; of_one: makes the filter of one motion."""
         filters = tuple(of_one(replace(settings, motion=motion)) for motion in settings.models)
-        switching = Switching(settings.models, settings.leaving)
         around = settings.middle, settings.space, settings.widens, settings.weighed
-        return cls(filters, switching, settings.range_std, settings.network_size, *around)
+        return cls(filters, settings.switching, settings.range_std, settings.network_size, *around)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """All models' updates; what is said of the innovation is the likeliest model's."""
@@ -106,7 +105,7 @@ class InteractingModels:
 
     def mixture(self, chance: Floats, beliefs: Sequence[Belief]) -> Gaussian:
         """The mean of all models' beliefs and its covariance; chance: (n, R M)."""
-        return self.switching.combined(chance, [_gaussian(one) for one in beliefs])
+        return self.switching.claimed(chance, [_gaussian(one) for one in beliefs])
 
     def _own_cost(self, part: Update, ahead: Floats, measurement: Measurement) -> Floats:
         """c_i, (n,), of one model's update. ahead: (n,), its probability before the step."""
