@@ -154,6 +154,7 @@ def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings
         velocity_time=chosen.velocity_time,
         turn_rate_std=chosen.turn_rate_std,
         turn_rate_change=chosen.turn_rate_change,
+        keeps_speed=chosen.defaults > 15,
     )
 
 

@@ -14,6 +14,7 @@ from zenoh_cbef.tracking.filters.base import Belief, Filter, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import saturated_precision, unchanged, variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec, unpack_upper
+from zenoh_cbef.tracking.motion import turned
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.switching import Gaussian, Switching
 
@@ -87,7 +88,7 @@ class InteractingModels:
             # Averages times n are the network's sums.
             cost = self.network_size * (payload[:, numbers + j] - self._explained(mine, belief.state))
             misfits.append(cost - np.linalg.slogdet(belief.known_covariance)[1])
-            beliefs.append(belief)
+            beliefs.append(self._turned(j, part, belief))
             place += mine.shape[1]
         measured = np.stack(misfits, axis=1)
         usable = np.asarray(np.isfinite(measured).all(axis=1))
@@ -125,6 +126,11 @@ class InteractingModels:
         away -= middle
         vector = payload[:, :size] - matvec(matrix, middle)
         return np.asarray(np.add.reduce(away * (2.0 * vector - matvec(matrix, away)), axis=1))
+
+    def _turned(self, j: int, part: Update, belief: Belief) -> Belief:
+        """The belief of one model, of which its filter's update kept what was believed before the ranges."""
+        before, after = (part.kept[0], part.kept[1]), _gaussian(belief)
+        return Belief(*turned(self.switching.motions[j], before, after))
 
     def _carried(self, belief: Belief) -> tuple[Floats, list[Gaussian]]:
         if belief.chance is None:

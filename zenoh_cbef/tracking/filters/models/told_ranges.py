@@ -136,10 +136,10 @@ class ToldRanges:
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
         found, misfits, stays = [], [], []
-        for state, covariance, likely in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+        for motion, state, covariance, likely in zip(self.motions, parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            branches, later = self._after((centred, covariance, likely), heard, counts)
+            branches, later = self._after(motion, (centred, covariance, likely), heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
@@ -150,9 +150,9 @@ class ToldRanges:
         parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
         return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
 
-    def _after(self, prior: Priors, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
+    def _after(self, motion: Motion, prior: Priors, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
-        known = self.space.axes, self._biases, self._share(counts)
+        known = self.space.axes, self._biases, self._share(counts), motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
         before = [Branches.of(split(one, heard, self.splits), *known, ties=self.ties) for one in halves]
         if self.seeks:
