@@ -201,6 +201,7 @@ class Filtering:
             seeks=self.seeks,
             splits=self.splits,
             ties=self._may_leap,
+            agrees=chosen.defaults > 15,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,

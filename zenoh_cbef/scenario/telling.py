@@ -23,7 +23,7 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     """
     agile = motions[-1]
     several = len(motions) > 1 and scenario.filter.defaults > 13
-    if not _may(scenario, agile.axes + (not several)):
+    if not _may(scenario, agile.axes + (not several) - (several and scenario.filter.defaults > 15)):
         return False
     if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
         return True

@@ -121,6 +121,7 @@ class FilterSettings:
     tells_ranges: bool = False
     seeks: bool = False
     ties: bool = False
+    agrees: bool = False
     splits: int = 0
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None

@@ -72,6 +72,7 @@ class ToldRanges:
     splits: int = 0
     least: float = -np.inf
     ties: bool = False
+    agrees: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -97,6 +98,7 @@ class ToldRanges:
             splits=settings.splits,
             least=settings.least,
             ties=settings.ties,
+            agrees=settings.agrees,
         )
 
     @property
@@ -122,16 +124,23 @@ class ToldRanges:
         own, count = self._own(measurement), len(ahead)
         slots = np.zeros((count, self.network_size, SLOT))
         slots[np.arange(count), own] = self._slots.told(measurement)
-        payload = np.concatenate([priors[0][0][:, 0, : self._told], slots.reshape(count, -1)], axis=1)
+        guess, spread = belief.state[:, : self._told], belief.known_covariance[:, : self._told, : self._told]
+        mean = guess if self.agrees and begins.any() else priors[0][0][:, 0, : self._told]
+        payload = np.concatenate([mean, slots.reshape(count, -1)], axis=1)
         payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
-        kept = ahead, own.astype(np.float64), begins, counts, *(part for prior in priors for part in prior)
+        kept = ahead, own.astype(np.float64), begins, counts, guess, spread
+        kept = *kept, *(part for prior in priors for part in prior)
         return Update(payload, self._diagnosed(ahead, priors, measurement, own, self._share(counts)), kept)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The estimate from all ranges that came; of an agent that heard no neighbour, its prior."""
-        ahead, own, begins, counts, *parts = update.kept
+        ahead, own, begins, counts, guess, spread, *parts = update.kept
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
         guessed = (payload - update.payload)[:, : self._told] * (begins * ~alone)[:, None]
+        if self.agrees and begins.any():
+            agreed = self._priors(Belief(guess + guessed, spread))[1]
+            parts = [np.where(_rows(begins, old), new, old) for new, old in zip(sum(agreed, ()), parts, strict=True)]
+            guessed = np.zeros_like(guessed)
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
@@ -297,3 +306,8 @@ class ToldRanges:
         centred = np.array(state)
         centred[..., : self.space.axes] -= sign * np.array(self.middle)
         return centred
+
+
+def _rows(rows: Floats, like: Floats) -> Bools:
+    """Rows (n,) that are not zero, of an array (n, ...)."""
+    return np.asarray(rows.reshape(-1, *(1,) * (like.ndim - 1)) > 0.0)
