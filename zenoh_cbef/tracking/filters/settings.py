@@ -122,6 +122,7 @@ class FilterSettings:
     seeks: bool = False
     ties: bool = False
     agrees: bool = False
+    fits: bool = False
     splits: int = 0
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
