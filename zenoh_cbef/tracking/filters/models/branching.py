@@ -181,13 +181,14 @@ class Branches:
     def likeliest(self, many: int) -> Branches:
         """Those that stay."""
         kept = np.argsort(-self.likelihood, axis=1, kind="stable")[:, :many]
+        rows = np.arange(len(kept))[:, None]
         return replace(
             self,
-            mean=np.take_along_axis(self.mean, kept[:, :, None], axis=1),
-            covariance=np.take_along_axis(self.covariance, kept[:, :, None, None], axis=1),
-            likelihood=np.take_along_axis(self.likelihood, kept, axis=1),
-            wrong=np.take_along_axis(self.wrong, kept, axis=1),
-            slack=None if self.slack is None else np.take_along_axis(self.slack, kept, axis=1),
+            mean=self.mean[rows, kept],
+            covariance=self.covariance[rows, kept],
+            likelihood=self.likelihood[rows, kept],
+            wrong=self.wrong[rows, kept],
+            slack=None if self.slack is None else self.slack[rows, kept],
         )
 
     def beside(self, other: Branches) -> Branches:
