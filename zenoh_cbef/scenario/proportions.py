@@ -12,8 +12,8 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets import Dataset, read_dataset
 from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario import bending, start
-from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.paths import places_at
+from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.start import half_box, half_diagonal
 from zenoh_cbef.scenario.world import target_path
 
@@ -99,8 +99,8 @@ def _out_of_plane(plan: Plan) -> list[str]:
         return []
     seen = scenario.changed(steps=min(scenario.length, _MOST_STEPS))
     path = target_path(seen)[1:, :3]
-    moments = np.linspace(0, len(path) - 1, min(len(path), max(1, _MOST_PLACES // scenario.count))).astype(np.intp)
-    agents, path = places_at(scenario, scenario.dt * (moments + 1.0)), path[moments]
+    moments = np.linspace(0.0, len(path) - 1.0, min(len(path), max(1, _MOST_PLACES // scenario.count))).astype(np.intp)
+    agents, path = places_at(scenario, scenario.dt * (1.0 + moments.astype(np.float64))), path[moments]
     flat = np.concatenate([path[:, :2], np.full((len(path), 1), height)], axis=1)
     true, believed = (np.linalg.norm(place - agents, axis=2) for place in (path, flat))
     if float(np.abs(true - believed).max()) <= _SEEN * plan.range_std:

@@ -47,8 +47,7 @@ class CentralModels:
         misfits = [misfit(one.cost, one.prior[1], one.posterior[1]) for one in taken]
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts = [
-            turned(motion, one.prior, one.posterior)
-            for motion, one in zip(self.switching.motions, taken, strict=True)
+            turned(motion, one.prior, one.posterior) for motion, one in zip(self.switching.motions, taken, strict=True)
         ]
         mixture = self.switching.combined(chance, parts)
         joined = Belief(*mixture, chance=chance, parts=tuple(Belief(*one) for one in parts))

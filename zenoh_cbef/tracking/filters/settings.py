@@ -61,6 +61,8 @@ class FilterSettings:
     splitting.py), 0: it does not. plane: that they are near, a point of it and its normal; None: near none, or mirror
     images are no matter. outliers: what share of the ranges are too long, and by how much (m) on average, where the
     scenario tells so and a first fix takes it into account.
+    agrees: whether agents that tell their ranges agree on their guesses before they predict them. fits: whether a range
+    that the network's estimate denies makes the next one count for less (see `Fitting`).
     options: of a kind of another package, `filter.options`. inversion: how sicf and a first fix invert matrices.
     least: a range below it, m, is none where ranges are squared, as its square is another one's.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.information_form import variance_of
-from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 

@@ -94,7 +94,7 @@ class Branches:
     motion: Motion | None = None
 
     @classmethod
-    def of(  # noqa: PLR0917 - what is known of a hypothesis
+    def of(
         cls,
         priors: Priors,
         axes: int,
