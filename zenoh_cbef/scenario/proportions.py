@@ -95,7 +95,7 @@ def _emulated_noise(plan: Plan) -> list[str]:
 
 def _out_of_plane(plan: Plan) -> list[str]:
     height, scenario = plan.space.height, plan.scenario
-    if height is None:
+    if height is None or half_diagonal(scenario) == 0.0:
         return []
     seen = scenario.changed(steps=min(scenario.length, _MOST_STEPS))
     path = target_path(seen)[1:, :3]
