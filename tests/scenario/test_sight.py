@@ -43,10 +43,29 @@ def test_built_in_scenarios_are_fine(name):
     ],
 )
 def test_too_few_agents_and_flat_ones_are_warned_of(agents, height, words):
-    warnings = check(Plan(scenario(agents=agents, filter={} if height is None else {"planar_height": height})))
+    target = {"velocity": [0.5, 0.3, 0.0], "acceleration_std": 0.001}  # It stays near the plane.
+    chosen = {} if height is None else {"planar_height": height}
+    warnings = check(Plan(scenario(agents=agents, filter=chosen, target=target)))
     assert len(warnings) == (words is not None)
     assert all(words in warning for warning in warnings)
     assert all(("filter.planar_height" in warning) == (height is None) for warning in warnings)
+
+
+@pytest.mark.parametrize(
+    ("kept", "words"),
+    [
+        ({"consensus": {"rounds": 0}}, "consensus.rounds is 0, and ranges of 1 agent fit every point of a sphere"),
+        ({"filter": {"kind": "local"}}, "agents of local exchange nothing, and ranges of 1 agent fit every point"),
+        ({"agents": {"count": 6}, "filter": {"kind": "local", "measurement": "difference"}}, None),
+        ({"consensus": {"rounds": 0}, "filter": {"defaults": 15}}, "consensus.rounds is 0"),
+    ],
+)
+def test_agents_that_are_alone_are_warned_of_and_say_that_they_acquire(kept, words):
+    plan = Plan(scenario(**kept))
+    warnings = check(plan)
+    assert len(warnings) == (words is not None)
+    assert all(words in warning for warning in warnings)
+    assert plan.settings.undetermined == ("rounds is 0" in (words or "") and plan.scenario.filter.defaults > 15)
 
 
 def test_agents_whose_ways_vary_are_not_warned_of():

@@ -145,7 +145,9 @@ def test_of_faults_only_such_as_last_are_taken_for_biases_and_spikes_for_outlier
 def biased(*faults, rules=16, **keys):
     """The plan of faults that make ranges longer."""
     return Plan(
-        parse({"filter": {"defaults": rules}, "fault": [{"kind": "sensor-bias", **one} for one in faults], **keys})
+        parse(
+            {"filter": {"defaults": rules}, "fault": [{"kind": "sensor-bias", **one} for one in faults], **keys}, "test"
+        )
     )
 
 

@@ -14,7 +14,7 @@ BEFORE = np.array([[0.0, 0.0, 4.0, 0.0, 0.5]])
 
 
 def test_a_correction_aside_turns_the_velocity_and_what_is_known_of_it():
-    moved = BEFORE + [0.1, 0.2, 0.03, 0.3, 0.0]
+    moved = BEFORE + np.array([0.1, 0.2, 0.03, 0.3, 0.0])
     state, covariance = turned(TURN, (BEFORE, SPREAD), (moved, SPREAD))
     angle = np.arctan2(0.3, 4.03)
     np.testing.assert_allclose(state[0, 2:4], 4.03 * np.array([np.cos(angle), np.sin(angle)]))
@@ -31,7 +31,7 @@ def test_a_correction_aside_turns_the_velocity_and_what_is_known_of_it():
     [
         (NearlyConstantVelocity(1.0, 0.1, 2), BEFORE[:, :4]),
         (CoordinatedTurn(1.0, 2e-4, 2, 1.0, 0.01), BEFORE),
-        (TURN, BEFORE * [1, 1, 0.05, 1, 1]),
+        (TURN, BEFORE * np.array([1, 1, 0.05, 1, 1])),
     ],
     ids=["a straight motion", "older rules", "a heading that is not known"],
 )
