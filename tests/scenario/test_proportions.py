@@ -17,12 +17,17 @@ def said(*overrides):
     ("overrides", "words", "remedy"),
     [
         (["dt=5"], "steps of dt = 5 s are long", "set dt to 2.5 or less"),
-        (["dt=1", "target.motion=circle", "agents.count=3"], "long for a target that turns", "set dt to 0.5 or less"),
+        (["dt=1", "target.motion=circle", "agents.count=2"], "long for a target that turns", "set dt to 0.5 or less"),
         (["dt=100"], "steps of dt = 100 s are long", "milliseconds"),
         (["sensor.range_std=30"], "larger than half of the box", "in metres"),
         (["filter.range_std=0.05"], "the receivers have sensor.range_std = 0.1 m", "'auto'"),
         (["filter.range_std=0.2"], "the receivers have sensor.range_std = 0.1 m", "'auto'"),
         (["filter.planar_height=0"], "away from that plane", "leave filter.planar_height out"),
+        (
+            ["filter.planar_height=0", "target.velocity=[0.5,0.3,0.03]", "target.acceleration_std=0.01"],
+            "away from that plane",
+            "leave filter.planar_height out",
+        ),
         (
             ["agents.count=4", "agents.positions=[[-10,0,0],[-4,0.1,0],[3,0,0.1],[10,0,0]]"],
             "the geometry is weak",

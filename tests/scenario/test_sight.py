@@ -43,7 +43,9 @@ def test_built_in_scenarios_are_fine(name):
     ],
 )
 def test_too_few_agents_and_flat_ones_are_warned_of(agents, height, words):
-    warnings = check(Plan(scenario(agents=agents, filter={} if height is None else {"planar_height": height})))
+    target = {"velocity": [0.5, 0.3, 0.0], "acceleration_std": 0.001}  # It stays near the plane.
+    chosen = {} if height is None else {"planar_height": height}
+    warnings = check(Plan(scenario(agents=agents, filter=chosen, target=target)))
     assert len(warnings) == (words is not None)
     assert all(words in warning for warning in warnings)
     assert all(("filter.planar_height" in warning) == (height is None) for warning in warnings)

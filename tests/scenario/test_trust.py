@@ -2,6 +2,7 @@
 
 import pytest
 
+from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 
@@ -139,3 +140,41 @@ def test_of_faults_only_such_as_last_are_taken_for_biases_and_spikes_for_outlier
     keys = "target.motion=circle", f"filter.defaults={rules}", f"fault=[{fault}]"
     plan = Plan(load("tracking", keys).scenario)
     assert (len(plan.models), plan.power, plan.distrusts_own) == (models, power, True)
+
+
+def biased(*faults, rules=16, **keys):
+    """The plan of faults that make ranges longer."""
+    return Plan(
+        parse(
+            {"filter": {"defaults": rules}, "fault": [{"kind": "sensor-bias", **one} for one in faults], **keys}, "test"
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("faults", "keys", "size"),
+    [
+        ([{"bias": 0.3, "agents": [1]}], {}, 0.3 / 6**0.5),
+        ([{"bias": -0.3}], {}, 0.3),
+        ([{"bias": 0.3, "agents": [1]}, {"bias": -0.2, "agents": [2, 3]}], {}, ((0.09 + 0.08) / 6) ** 0.5),
+        ([{"bias": 0.7, "agents": [1]}], {}, 0.0),
+        ([{"bias": 0.3, "agents": [1]}, {"bias": 3.0, "agents": [2]}], {}, 0.0),
+        ([{"bias": 0.3, "agents": [1], "from": 5.0}], {}, 0.0),
+        ([{"bias": 0.3, "agents": [1]}], {"rules": 15}, 0.0),
+        ([{"bias": 0.3, "agents": [1]}], {"agents": {"count": 13}}, 0.0),
+    ],
+    ids=[
+        "one of six",
+        "all",
+        "three",
+        "one that shows",
+        "another that shows",
+        "a later one",
+        "older rules",
+        "many agents",
+    ],
+)
+def test_biases_that_no_range_shows_are_estimated_by_their_size(faults, keys, size):
+    plan = biased(*faults, **keys)
+    assert trust.hidden_bias(plan.scenario) == pytest.approx(size)
+    assert (plan.bias == "estimate") == (size > 0.0)

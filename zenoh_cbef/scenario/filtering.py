@@ -197,6 +197,8 @@ class Filtering(Meant):
             seeks=self.seeks,
             splits=self.splits,
             ties=self._may_leap,
+            agrees=chosen.defaults > 15,
+            fits=chosen.defaults > 15 and self.squares and self._leaps,
             plane=self.plane,
             space=self.space,
             range_std=self.range_std,

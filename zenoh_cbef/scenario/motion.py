@@ -155,6 +155,7 @@ def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings
         turn_rate_std=chosen.turn_rate_std,
         turn_rate_change=chosen.turn_rate_change,
         throughout=chosen.defaults < 16,
+        keeps_speed=chosen.defaults > 15,
     )
 
 

@@ -12,17 +12,21 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets import Dataset, read_dataset
 from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario import bending, start
+from zenoh_cbef.scenario.paths import places_at
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.start import half_box, half_diagonal
 from zenoh_cbef.scenario.world import target_path
 
-_SEEN = 3.0
-"""How many standard deviations of their noise ranges may be off that come from outside of the plane."""
+_SEEN = 1.0
+"""How many standard deviations of their noise ranges may be off that come from outside of the plane: by that they are
+in all steps, which no average makes less.
+"""
 
 _OFF = 1.5
 _SELDOM = 10.0
 _ENOUGH = 20
 _MOST_STEPS = 10_000
+_MOST_PLACES = 1_000_000
 
 
 def warnings(plan: Plan) -> list[str]:
@@ -109,12 +113,17 @@ def _emulated_noise(plan: Plan) -> list[str]:
 
 def _out_of_plane(plan: Plan) -> list[str]:
     height, scenario = plan.space.height, plan.scenario
-    if height is None:
+    if height is None or half_diagonal(scenario) == 0.0:
         return []
     seen = scenario.changed(steps=min(scenario.length, _MOST_STEPS))
-    off, half = float(np.abs(target_path(seen)[:, 2] - height).max()), half_diagonal(scenario)
-    if off**2 <= 2.0 * half * _SEEN * plan.range_std or half == 0.0:
+    path = target_path(seen)[1:, :3]
+    moments = np.linspace(0.0, len(path) - 1.0, min(len(path), max(1, _MOST_PLACES // scenario.count))).astype(np.intp)
+    agents, path = places_at(scenario, scenario.dt * (1.0 + moments.astype(np.float64))), path[moments]
+    flat = np.concatenate([path[:, :2], np.full((len(path), 1), height)], axis=1)
+    true, believed = (np.linalg.norm(place - agents, axis=2) for place in (path, flat))
+    if float(np.abs(true - believed).max()) <= _SEEN * plan.range_std:
         return []
+    off = float(np.abs(path[:, 2] - height).max())
     warning = (
         f"filter.planar_height = {number(height)} m, but the target gets {number(off)} m away from that plane; leave "
         "filter.planar_height out, or let the target move in the plane (target.motion = 'ncv' accelerates in all axes)"

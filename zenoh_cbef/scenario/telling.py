@@ -24,7 +24,8 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     """
     agile = motions[-1]
     several = len(motions) > 1 and scenario.filter.defaults > 13
-    if not _may(scenario, agile.axes + (not several)):
+    fewest = agile.axes - (several and scenario.filter.defaults > 15)
+    if not _may(scenario, fewest + (not several)):
         return False
     if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
         return True
@@ -39,7 +40,8 @@ def _may(scenario: Scenario, least: int) -> bool:
     """Whether the scenario leaves it open, and its agents, all honest, are few and hear each other's very numbers.
 
     But more than there are unknowns in a step, the least number: with less ranges any place fits, or its mirror image
-    does. Hypotheses that are kept from step to step need no place that is known in each.
+    does. Hypotheses that are kept from step to step need no place that is known in each, and by the sixteenth rules
+    none but a mirror image that is denied: of several motions as many agents are enough as there are axes.
     """
     chosen, stage = scenario.filter, scenario.consensus
     able = abilities_of(chosen.kind)

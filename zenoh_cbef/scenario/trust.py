@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zenoh_cbef.faults import Fault, SenderFault, SensorDropout, SensorFault, SensorSpikes, SensorStuck
+from zenoh_cbef.faults import Fault, SenderFault, SensorBias, SensorDropout, SensorFault, SensorSpikes, SensorStuck
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.filters.models import joint_biases
@@ -14,6 +14,10 @@ _XI = {1: 1.5, 2: 2.0}
 """Saturation level by the saturation's power, in standard deviations.
 
 At 2 a redescending weight costs no more on Gaussian ranges than a bounded one at 1.5: a hundredth of the error.
+"""
+
+_SHOWS = 6.0
+"""How large a bias is, in noises, that each range shows: all but a fiftieth of them are beyond what is taken for right.
 """
 
 _SCALE_STD = 0.05
@@ -87,7 +91,29 @@ def may_be_wrong(scenario: Scenario) -> bool:
 def tells_biases(scenario: Scenario) -> bool:
     """Whether the scenario tells how large the biases of its emulated receivers are."""
     drawn = scenario.sensor.bias_std > 0.0 and scenario.filter.defaults > 6
-    return (drawn or any(_given_biases(scenario))) and not real(scenario)
+    return (drawn or any(_given_biases(scenario)) or hidden_bias(scenario) > 0.0) and not real(scenario)
+
+
+def hidden_bias(scenario: Scenario) -> float:
+    """The size of constant biases of which faults tell and that no range shows, root mean square over agents, m.
+
+    Agents may know it, but not whose they are. They are estimated by few agents alone, which do so together. None where
+    a receiver has another fault as well, which no constant explains.
+    """
+    faults = [one for one in scenario.fault if isinstance(one, SensorFault) and one.error > 0.0]
+    few = 1 < scenario.count <= joint_biases.MOST and scenario.consensus.rounds > 0
+    if scenario.filter.defaults < 16 or real(scenario) or not few or np.any(np.array(scenario.sensor.bias)):
+        return 0.0
+    if not all(_is_hidden(one, scenario) for one in faults):
+        return 0.0
+    shares = [one.error**2 * (len(one.named()) or scenario.count) / scenario.count for one in faults]
+    return float(np.sqrt(sum(shares)))
+
+
+def _is_hidden(fault: SensorFault, scenario: Scenario) -> bool:
+    """Whether it is a bias of a whole run that is too small for single ranges to show it."""
+    whole = fault.since <= scenario.dt and fault.until is None
+    return isinstance(fault, SensorBias) and whole and fault.error < _SHOWS * scenario.sensor.range_std
 
 
 def _given_biases(scenario: Scenario) -> tuple[float, float]:
@@ -126,7 +152,8 @@ def shares_biases(scenario: Scenario) -> bool:
     few = 1 < scenario.count <= joint_biases.MOST and scenario.consensus.rounds > 0
     if scenario.target.motion == "dataset":
         return few and chosen.defaults > 11
-    told = tells_biases(scenario) and not errs(scenario) and _are_alike(scenario)
+    unexplained = errs(scenario) and not hidden_bias(scenario)
+    told = tells_biases(scenario) and not unexplained and _are_alike(scenario)
     return told and few and chosen.defaults > 8 and chosen.bias_common_std is None
 
 
@@ -150,7 +177,7 @@ def own_bias_std(scenario: Scenario, range_std: float) -> float:
     if given is not None:
         return given
     told = scenario.sensor.bias_std if tells_biases(scenario) else 0.0
-    return max(least, float(np.hypot(told, _given_biases(scenario)[1])))
+    return max(least, float(np.hypot(np.hypot(told, _given_biases(scenario)[1]), hidden_bias(scenario))))
 
 
 def scale_std(scenario: Scenario) -> float:

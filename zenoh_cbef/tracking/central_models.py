@@ -10,6 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.motion import turned
 from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.reference import Ranges, Taken, taken_in
@@ -53,7 +54,9 @@ class CentralModels:
         ]
         misfits = [misfit(one.cost, one.prior[1], one.posterior[1]) for one in taken]
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
-        parts = [one.posterior for one in taken]
+        parts = [
+            turned(motion, one.prior, one.posterior) for motion, one in zip(self.switching.motions, taken, strict=True)
+        ]
         mixture = self.switching.claimed(chance, parts)
         joined = Belief(*mixture, chance=chance, parts=tuple(Belief(*one) for one in parts))
         return joined, _likeliest(taken, self.switching.of_models(ahead))

@@ -16,6 +16,7 @@ from zenoh_cbef.tracking.filters.around.cut_off import CutOff
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
 from zenoh_cbef.tracking.filters.around.evidence import SQUARES, Evidence
+from zenoh_cbef.tracking.filters.around.fitting import Fitting
 from zenoh_cbef.tracking.filters.around.lasting_errors import LastingErrors
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
@@ -136,6 +137,8 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     """The filter of one kind, with what the settings put around it."""
     xi = level_of(kind, settings.xi)
     chosen = _innermost(kind, settings, xi)
+    if settings.fits:
+        chosen = Fitting(chosen, settings.space, settings.range_std)
     # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
     if settings.recovers:
         chosen = Recovering(chosen, settings.recovers)

@@ -65,6 +65,10 @@ class FilterSettings:
     """Whether what agents claim allows for a turn that ranges do not show yet."""
     ties: bool = False
     """Whether steps may be so long that a target which turns is anywhere after one (see tying.py)."""
+    agrees: bool = False
+    """Whether agents that tell each other their ranges agree on their guesses before they predict them."""
+    fits: bool = False
+    """Whether a range that the network's estimate denies makes the next one count for less, see `Fitting`."""
     splits: int = 0
     """How agents that tell their ranges split hypotheses, of which they keep several of each motion (see splitting.py);
     0: they do not."""

@@ -10,6 +10,7 @@ from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
 from zenoh_cbef.tracking.motion.predicted import Predicted
 from zenoh_cbef.tracking.motion.stationary import Stationary
 from zenoh_cbef.tracking.motion.turn import CoordinatedTurn
+from zenoh_cbef.tracking.motion.turning import turned
 
 __all__ = [
     "MOTIONS",
@@ -24,6 +25,7 @@ __all__ = [
     "is_linear",
     "linear",
     "make_motion",
+    "turned",
 ]
 
 MOTIONS: dict[str, type[Motion]] = {

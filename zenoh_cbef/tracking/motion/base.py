@@ -20,6 +20,7 @@ class MotionSettings:
     lasts, s; None: one step. velocity_time: time constant of a velocity that decays, s. turn_rate_std: of a
     turn's rate before the first step, rad/s; turn_rate_change: by what share of it the rate changes in a step.
     throughout: whether a stationary target is pushed all the step long.
+    keeps_speed: whether a target that turns does while ranges correct its heading.
     """
 
     dt: float
@@ -30,6 +31,7 @@ class MotionSettings:
     turn_rate_std: float = 1.0
     turn_rate_change: float | None = None
     throughout: bool = False
+    keeps_speed: bool = False
 
     @property
     def stepwise_std(self) -> float:

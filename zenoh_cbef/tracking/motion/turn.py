@@ -25,7 +25,7 @@ class CoordinatedTurn:
 
     Speed and height change as in the nearly-constant-velocity model of the same q. dt: D (s). acceleration_std: q
     (m/s^2). turn_rate_std: of w before the first step (rad/s). turn_rate_change: c, None: sqrt(D), so that w changes by
-    turn_rate_std in a second.
+    turn_rate_std in a second. keeps_speed: while ranges correct its heading, see `turned`.
     """
 
     dt: float
@@ -33,11 +33,12 @@ class CoordinatedTurn:
     axes: int = 3
     turn_rate_std: float = 1.0
     turn_rate_change: float | None = None
+    keeps_speed: bool = False
 
     @classmethod
     def of(cls, settings: MotionSettings) -> Self:
         """The model of these settings."""
-        told = settings.turn_rate_std, settings.turn_rate_change
+        told = settings.turn_rate_std, settings.turn_rate_change, settings.keeps_speed
         return cls(settings.dt, settings.stepwise_std, settings.axes, *told)
 
     @property

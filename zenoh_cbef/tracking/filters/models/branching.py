@@ -11,6 +11,7 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, mixture, total
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.linalg import matvec, outer
+from zenoh_cbef.tracking.motion import Motion, turned
 
 MOST = 16
 """How many branches stay after each range."""
@@ -64,7 +65,7 @@ class Branches:
     mean: (n, k, d). covariance: (n, k, d, d). likelihood: (n, k), its logarithm. wrong: (n, k), how many ranges of the
     step are. biases: where those of a state begin. share: (n, 1), p where the scenario tells of no outliers; None: by
     the first rules. slack: (n, k), m^4, the variance that e has about its regression on x; None: e stays tied to x by
-    that alone.
+    that alone. motion: by which ranges may turn the velocity (see `turned`); None: they move it.
     Squared ranges are linear in y = (x, e), e = |u|^2 with the position u: see `SquaredInformation`, which has the same
     equations. x: position, velocity, what else moves it, and perhaps the agents' biases from component `biases` on.
 
@@ -90,10 +91,18 @@ class Branches:
     biases: int | None = None
     share: Floats | None = None
     slack: Floats | None = None
+    motion: Motion | None = None
 
     @classmethod
     def of(
-        cls, priors: Priors, axes: int, biases: int | None = None, share: Floats | None = None, *, ties: bool = False
+        cls,
+        priors: Priors,
+        axes: int,
+        biases: int | None = None,
+        share: Floats | None = None,
+        motion: Motion | None = None,
+        *,
+        ties: bool = False,
     ) -> Branches:
         """Of each prior one; e as the statistical linear regression on it tells. ties: see tying.py."""
         state, covariance, likelihood = priors
@@ -112,7 +121,7 @@ class Branches:
         slack = 2.0 * np.add.reduce(flat * flat, axis=2)
         whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + slack
         none = np.zeros_like(likelihood)
-        return cls(mean, whole, likelihood, none, axes, biases, share, slack if ties else None)
+        return cls(mean, whole, likelihood, none, axes, biases, share, slack if ties else None, motion)
 
     def expected(self, heard: Heard, agent: int, which: Rows | None = None) -> Expected:
         """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`."""
@@ -154,6 +163,8 @@ class Branches:
         gain = np.where(there, 1.0 / told.total, 0.0)[:, :, None] * cross
         mean = self.mean + gain * told.excess[:, :, None]
         covariance = self.covariance - outer(gain, cross)
+        if self.motion is not None:
+            mean, covariance = turned(self.motion, (self.mean, self.covariance), (mean, covariance))
         likelihood = np.concatenate(
             [self.likelihood + np.where(there, right, 0.0), self.likelihood + np.where(there, wrong, NEVER)], axis=1
         )
@@ -170,13 +181,14 @@ class Branches:
     def likeliest(self, many: int) -> Branches:
         """Those that stay."""
         kept = np.argsort(-self.likelihood, axis=1, kind="stable")[:, :many]
+        rows = np.arange(len(kept))[:, None]
         return replace(
             self,
-            mean=np.take_along_axis(self.mean, kept[:, :, None], axis=1),
-            covariance=np.take_along_axis(self.covariance, kept[:, :, None, None], axis=1),
-            likelihood=np.take_along_axis(self.likelihood, kept, axis=1),
-            wrong=np.take_along_axis(self.wrong, kept, axis=1),
-            slack=None if self.slack is None else np.take_along_axis(self.slack, kept, axis=1),
+            mean=self.mean[rows, kept],
+            covariance=self.covariance[rows, kept],
+            likelihood=self.likelihood[rows, kept],
+            wrong=self.wrong[rows, kept],
+            slack=None if self.slack is None else self.slack[rows, kept],
         )
 
     def beside(self, other: Branches) -> Branches:

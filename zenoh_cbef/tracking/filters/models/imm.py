@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.filters.weighing import saturated_precision
 from zenoh_cbef.tracking.linalg import matvec, unpack_upper
+from zenoh_cbef.tracking.motion import turned
 from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 from zenoh_cbef.tracking.switching import Gaussian, Switching
@@ -91,7 +92,7 @@ class InteractingModels:
             # Averages times n are the network's sums.
             cost = self.network_size * (payload[:, numbers + j] - self._explained(mine, belief.state))
             misfits.append(cost - np.linalg.slogdet(belief.known_covariance)[1])
-            beliefs.append(belief)
+            beliefs.append(self._turned(j, part, belief))
             place += mine.shape[1]
         measured = np.stack(misfits, axis=1)
         usable = np.asarray(np.isfinite(measured).all(axis=1))
@@ -139,6 +140,11 @@ class InteractingModels:
         away -= middle
         vector = payload[:, :size] - matvec(matrix, middle)
         return np.asarray(np.add.reduce(away * (2.0 * vector - matvec(matrix, away)), axis=1))
+
+    def _turned(self, j: int, part: Update, belief: Belief) -> Belief:
+        """The belief of one model, of which its filter's update kept what was believed before the ranges."""
+        before, after = (part.kept[0], part.kept[1]), _gaussian(belief)
+        return Belief(*turned(self.switching.motions[j], before, after))
 
     def _carried(self, belief: Belief) -> tuple[Floats, list[Gaussian]]:
         if belief.chance is None:

@@ -46,7 +46,12 @@ def mixture(states: Floats, covariances: Floats, likelihood: Floats) -> tuple[Fl
 
 
 def total(terms: Floats) -> Floats:
-    """Over branches, one after the other, so that a row comes out the same in every batch."""
+    """Over branches, one after the other, so that a row comes out the same in every batch.
+
+    NumPy adds in pairs along the last axis alone.
+    """
+    if terms.ndim > 2:
+        return np.asarray(np.add.reduce(terms, axis=1))
     found = terms[:, 0].copy()
     for branch in range(1, terms.shape[1]):
         found += terms[:, branch]

@@ -13,6 +13,7 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged, variance_of
+from zenoh_cbef.tracking.filters.models.beginning import Beginning
 from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
 from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
@@ -23,12 +24,9 @@ from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
-from zenoh_cbef.tracking.motion import Motion, begun, beside_constants, linear
+from zenoh_cbef.tracking.motion import Motion, beside_constants, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space
-from zenoh_cbef.tracking.switching import Gaussian, Switching
-
-_DOUBT = 0.01
-"""How likely it is beforehand that the guesses are wrong, and the target may be anywhere."""
+from zenoh_cbef.tracking.switching import Switching
 
 
 @dataclass(frozen=True)
@@ -56,6 +54,8 @@ class ToldRanges:
     estimated beside position and velocity, of one linear motion; 0: there are none. anywhere: where the target may be
     if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges
     bend, of which several stay then (splitting.py); 0: none. least: ranges below it, m, are none. ties: see tying.py.
+    agrees: whether agents agree on the mean of their guesses before they predict it: a motion that is not linear leaves
+    each of them another covariance otherwise.
     """
 
     motions: tuple[Motion, ...]
@@ -72,6 +72,7 @@ class ToldRanges:
     splits: int = 0
     least: float = -np.inf
     ties: bool = False
+    agrees: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -97,6 +98,7 @@ class ToldRanges:
             splits=settings.splits,
             least=settings.least,
             ties=settings.ties,
+            agrees=settings.agrees,
         )
 
     @property
@@ -122,24 +124,32 @@ class ToldRanges:
         own, count = self._own(measurement), len(ahead)
         slots = np.zeros((count, self.network_size, SLOT))
         slots[np.arange(count), own] = self._slots.told(measurement)
-        payload = np.concatenate([priors[0][0][:, 0, : self._told], slots.reshape(count, -1)], axis=1)
+        guess, spread = belief.state[:, : self._told], belief.known_covariance[:, : self._told, : self._told]
+        mean = guess if self.agrees and begins.any() else priors[0][0][:, 0, : self._told]
+        payload = np.concatenate([mean, slots.reshape(count, -1)], axis=1)
         payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
-        kept = ahead, own.astype(np.float64), begins, counts, *(part for prior in priors for part in prior)
+        known = ahead, own.astype(np.float64), begins, counts, guess, spread
+        kept = *known, *(part for prior in priors for part in prior)
         return Update(payload, self._diagnosed(ahead, priors, measurement, own, self._share(counts)), kept)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The estimate from all ranges that came; of an agent that heard no neighbour, its prior."""
-        ahead, own, begins, counts, *parts = update.kept
+        ahead, own, begins, counts, guess, spread, *parts = update.kept
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
         guessed = (payload - update.payload)[:, : self._told] * (begins * ~alone)[:, None]
+        if self.agrees and begins.any():
+            agreed = self._priors(Belief(guess + guessed, spread))[1]
+            known = [part for prior in agreed for part in prior]
+            parts = [np.where(_as(begins, old) > 0.0, new, old) for new, old in zip(known, parts, strict=True)]
+            guessed = np.zeros_like(guessed)
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
         found, misfits, stays = [], [], []
-        for state, covariance, likely in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+        for motion, state, covariance, likely in zip(self.motions, parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            branches, later = self._after((centred, covariance, likely), heard, counts)
+            branches, later = self._after(motion, (centred, covariance, likely), heard, counts)
             after, spread, likelihood = branches.merged()
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
@@ -150,9 +160,11 @@ class ToldRanges:
         parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
         return Belief(*self.switching.claimed(chance, found), chance=chance, parts=parts_of)
 
-    def _after(self, prior: Priors, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
+    def _after(
+        self, motion: Motion, prior: Priors, heard: Heard, counts: Floats
+    ) -> tuple[Branches, tuple[Floats, ...]]:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
-        known = self.space.axes, self._biases, self._share(counts)
+        known = self.space.axes, self._biases, self._share(counts), motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
         before = [Branches.of(split(one, heard, self.splits), *known, ties=self.ties) for one in halves]
         if self.seeks:
@@ -173,7 +185,7 @@ class ToldRanges:
             chance, parts = self.switching.begun(state, covariance)
             found = tuple(Belief(*one, memory=alike(*one, STAY) if self.splits else ()) for one in parts)
             return replace(belief, state=state, covariance=covariance, chance=chance, parts=found)
-        whole, spread = self._begun(state, covariance)
+        whole, spread = self._beginning.of(state, covariance)
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
             whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
@@ -216,36 +228,18 @@ class ToldRanges:
             ahead, mixed = self.switching.mixed(belief.known_chance, parts)
             priors = [alike(*one, 1 + begins) for one in mixed]
         if begins and self.anywhere is not None:
-            priors = [self._or_anywhere(motion, one) for motion, one in zip(self.motions, priors, strict=True)]
+            priors = [
+                self._beginning.or_anywhere(motion, one) for motion, one in zip(self.motions, priors, strict=True)
+            ]
         return ahead, [self._predicted(motion, *one) for motion, one in zip(self.motions, priors, strict=True)]
 
-    def _begun(self, state: Floats, covariance: Floats) -> Gaussian:
-        """With what else the single motion has, and biases of which nothing is known yet."""
-        if state.shape[1] < self.motions[0].size:
-            state, covariance = begun(self.motions[0], state, covariance)
-        more, size = self._more, state.shape[1]
-        state = np.pad(state, ((0, 0), (0, more)))
-        covariance = np.pad(covariance, ((0, 0), (0, more), (0, more)))
-        covariance[:, range(size, size + more), range(size, size + more)] = self.own_std**2
-        return state, covariance
-
-    def _or_anywhere(self, motion: Motion, priors: Priors) -> Priors:
-        """With where the target may be if the guesses are wrong in the second place."""
-        state, covariance, likelihood = (each.copy() for each in priors)
-        begins = begun(motion, *self._place) if len(self.motions) > 1 else self._begun(*self._place)
-        state[:, 1], covariance[:, 1], likelihood[:, 1] = *begins, np.log(_DOUBT)
-        return state, covariance, likelihood
-
-    @property
-    def _place(self) -> Gaussian:
-        if self.anywhere is None:
-            raise ValueError("agents that seek have to know where the target may be")
-        return self.anywhere[0][:, : self._told], self.anywhere[1][:, : self._told, : self._told]
+    @cached_property
+    def _beginning(self) -> Beginning:
+        return Beginning(self.motions, self._more, self.own_std, self.anywhere)
 
     def _elsewhere(self, count: int) -> Priors:
-        """Where the target is, if it is where no hypothesis has it: one prior of each agent."""
-        state, covariance = (np.repeat(one, count, axis=0) for one in self._begun(*self._place))
-        return self._centred(state)[:, None], covariance[:, None], np.zeros((count, 1))
+        state, covariance, likelihood = self._beginning.elsewhere(count)
+        return self._centred(state), covariance, likelihood
 
     @cached_property
     def _dynamics(self) -> tuple[Floats, Floats]:
@@ -297,3 +291,8 @@ class ToldRanges:
         centred = np.array(state)
         centred[..., : self.space.axes] -= sign * np.array(self.middle)
         return centred
+
+
+def _as(rows: Floats, like: Floats) -> Floats:
+    """Numbers (n,) with as many axes as an array (n, ...)."""
+    return rows.reshape(-1, *(1,) * (like.ndim - 1))
