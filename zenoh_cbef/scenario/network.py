@@ -74,15 +74,17 @@ def counts_hearers(scenario: Scenario) -> bool:
     return silent and asked and able and not trust.real(scenario)
 
 
-def may_be_in_a_plane(scenario: Scenario, axes: int, *, mirrored: bool) -> bool:
+def may_be_in_a_plane(scenario: Scenario, axes: int, *, mirrored: bool, told: bool) -> bool:
     """Whether all agents, or a group that is cut off from others, may be as few as make a plane, or a line of two axes.
 
-    Or, by the fifteenth rules, all are in one, wherever a seed places them (mirrored).
+    Or, by the fifteenth rules, all are in one, wherever a seed places them (mirrored). By today's rules those that hear
+    the target may be so few, too; if they tell each other their ranges (told), they keep both sides as hypotheses.
 
     For agents that say what their estimates are, and do not presume to be on the side that they are on.
     """
     asked = scenario.filter.status and scenario.consensus.rounds > 0 and not trust.presumes(scenario)
     may = scenario.count == axes or tells_members(scenario) or (mirrored and scenario.filter.defaults > 14)
+    may = may or (scenario.filter.defaults > 15 and counts_hearers(scenario) and not told)
     return asked and scenario.count >= axes and may
 
 

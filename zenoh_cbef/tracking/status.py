@@ -159,6 +159,11 @@ class Status:
         return replace(self, unheard=np.where(heard, 0.0, self.unheard + 1.0))
 
     @property
+    def scarcely_heard(self) -> Bools:
+        """Whether too few agents have heard the target for so long that it is no longer tracked, (n,)."""
+        return np.asarray(self.scarce >= _SCARCE)
+
+    @property
     def wrong(self) -> Bools:
         """Whether an agent's own ranges do not fit, (n,)."""
         return np.asarray(self.own > WRONG)
@@ -203,7 +208,7 @@ class Status:
         sums = fades * self.misfit + np.minimum(misfit, CUT * heard), fades * self.weight + heard
         lost = sums[0] > (_MOST if most is None else most) * sums[1]
         which, seconds = np.array([TRACKING]).repeat(len(heard)), self.seconds + dt
-        proved = fitted >= max(_FIRST * axes, _PROOF * agents)
+        proved = fitted >= proof(axes, agents)
         which[spread > _COASTS * reference] = COASTING
         if enough is not None:
             which[(scarce >= _SCARCE) | (self.which == COASTING) & ~proved] = COASTING
@@ -218,12 +223,18 @@ class Status:
         )
 
 
-def most_misfit(unknowns: int, agents: int) -> float:
+def proof(axes: int, agents: int) -> int:
+    """How many ranges have to fit that prove a place, of so many agents; 0: of any."""
+    return max(_FIRST * axes, _PROOF * agents)
+
+
+def most_misfit(unknowns: int, agents: float | Floats) -> Floats:
     """The mean misfit of a network that has lost its target, where agents tell whether their ranges fit.
 
     unknowns: what is fitted to the ranges of a moment: coordinates, and a bias that all ranges share.
     """
-    return min(_MOST, CUT * (1.0 - (unknowns + _SPARE) / agents)) if unknowns < agents else _MOST
+    spare = np.minimum(_MOST, CUT * (1.0 - (unknowns + _SPARE) / np.maximum(agents, 1.0)))
+    return np.where(unknowns < np.asarray(agents), spare, _MOST)
 
 
 def status_name(number: float | None) -> str | None:

@@ -64,7 +64,8 @@ class FilterSettings:
     options: of a kind of another package, `filter.options`. inversion: how sicf and a first fix invert matrices.
     least: a range below it, m, is none where ranges are squared, as its square is another one's.
     guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
-    rules before the fourth, see there.
+    rules before the fourth, see there. guessed: standard deviations of their mean, m and m/s; None: agents presume
+    that a first fix finds the side of a plane.
     """
 
     motion: Motion
@@ -125,9 +126,16 @@ class FilterSettings:
     plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
+    guessed: tuple[float, float] | None = None
+    hearers_count: bool = False
     least: float = -np.inf
     options: Mapping[str, object] = field(default_factory=dict)
     inversion: Inversion = BY_LIBRARY
+
+    @property
+    def proves_sides(self) -> bool:
+        """Whether the side of a plane has to be proved, by guesses at first and by ranges later."""
+        return self.guessed is not None
 
     @property
     def constants(self) -> int:

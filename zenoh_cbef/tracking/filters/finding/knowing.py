@@ -87,11 +87,9 @@ class Knowing(Wrapping):
         if count > 1:
             numbers[unchanged(payload, update.payload)] = 0.0
         mean, hearing = np.fmin(np.fmax(numbers[:, :2], 0.0), CUT), numbers[:, 2:]
-        most: float | Floats | None = None
-        if settings.judges_agents:
-            most, biased = self._most
-            if inner.bias is not None:
-                most = np.where(inner.bias.weight > 0.5, biased, most)
+        hear = hearers.count(hearing) if settings.hearing else None
+        judges = np.fmin(np.rint(hear), count) if hear is not None and settings.hearers_count else float(count)
+        most = self._most(inner.bias, judges) if settings.judges_agents else None
         covariance = inner.known_covariance
         variance = covariance[:, 0, 0]
         for axis in range(1, axes):
@@ -105,7 +103,7 @@ class Knowing(Wrapping):
             dt=dt,
             most=most,
             agents=0 if settings.presumes else count,
-            enough=hearers.count(hearing) > axes - 0.5 if settings.hearing else None,
+            enough=None if hear is None else hear > axes - 0.5,
         )
         if settings.undetermined:
             status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
@@ -133,8 +131,11 @@ class Knowing(Wrapping):
         told = self.settings.outliers
         return wrong_among(told[0]) if self.settings.seeks and told is not None else WRONG
 
-    @cached_property
-    def _most(self) -> tuple[float, float]:
-        """The mean misfit of a network that has lost its target, without a bias and with one."""
+    def _most(self, bias: Bias | None, agents: float | Floats) -> Floats:
+        """The mean misfit of a network that has lost its target, where agents rely on a bias and where they do not.
+
+        agents: how many judge the place; by the fifteenth rules also those of which the target is not heard.
+        """
         axes = self.settings.space.axes
-        return most_misfit(axes, self.settings.network_size), most_misfit(axes + 1, self.settings.network_size)
+        most = most_misfit(axes, agents)
+        return most if bias is None else np.where(bias.weight > 0.5, most_misfit(axes + 1, agents), most)
