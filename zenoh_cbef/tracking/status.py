@@ -185,6 +185,7 @@ class Status:
         most: float | Floats | None = None,
         agents: int = 0,
         enough: Bools | None = None,
+        whole: bool = False,
     ) -> Self:
         """A step of dt (s) later.
 
@@ -193,6 +194,7 @@ class Status:
         network that has lost its target; None: by the first rules, where misfit is of ranges and not of agents.
         agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
         enough: (n,), whether enough agents have heard the target lately; None: agents do not count them.
+        whole: whether ranges of a step prove nothing of which as many do not fit as those of a lost target.
         """
         reference = np.minimum(spread, self.reference * np.exp(_LEARNED * heard / axes))
         steps = self.steps + 1.0
@@ -200,7 +202,10 @@ class Status:
         if early.nonzero()[0].size:
             heard = np.where(early, 0.0, heard)
         fades = np.exp(heard / -_MEMORY)
-        fitted = self.heard + (heard if most is None else heard - np.minimum(misfit / CUT, heard))
+        fits = heard if most is None else heard - np.minimum(misfit / CUT, heard)
+        if whole and most is not None:
+            fits = np.where(misfit > most * heard, 0.0, fits)
+        fitted = self.heard + fits
         scarce = self.scarce
         if enough is not None:
             scarce = np.where(enough, 0.0, scarce + 1.0)

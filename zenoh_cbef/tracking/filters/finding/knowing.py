@@ -85,7 +85,9 @@ class Knowing(Wrapping):
         count, axes, dt = settings.network_size, settings.space.axes, settings.motion.dt
         numbers = np.nan_to_num(payload[:, -more:])
         if count > 1:
-            numbers[unchanged(payload, update.payload)] = 0.0
+            alone = unchanged(payload, update.payload)
+            # Of who hears the target an agent knows what it knew.
+            numbers[alone, : 2 if settings.hearers_count else more] = 0.0
         mean, hearing = np.fmin(np.fmax(numbers[:, :2], 0.0), CUT), numbers[:, 2:]
         hear = hearers.count(hearing) if settings.hearing else None
         judges = np.fmin(np.rint(hear), count) if hear is not None and settings.hearers_count else float(count)
@@ -103,6 +105,7 @@ class Knowing(Wrapping):
             dt=dt,
             most=most,
             agents=0 if settings.presumes else count,
+            whole=settings.hearers_count,
             enough=None if hear is None else hear > axes - 0.5,
         )
         if settings.undetermined:
