@@ -10,6 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.around.hearers import Hearers
 from zenoh_cbef.tracking.filters.around.mirror_images import undecided
+from zenoh_cbef.tracking.filters.around.returning import FEW_BEND, widened
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
@@ -52,6 +53,10 @@ class Knowing(Wrapping):
         """The filter's update, and the two numbers."""
         inner = belief.parts[0] if belief.parts else belief
         status = Status.first(len(belief.state)) if belief.status is None else belief.status
+        if self.settings.hearers_count and not (self.settings.tells_ranges or self.settings.squares):
+            few = (status.scarce > 0.0) & (status.steps >= self.settings.first_fix)
+            unsure = self.settings.space, inner, measurement, self.settings.range_std
+            measurement = widened(few, *unsure, FEW_BEND)
         update = self.filter.update(inner, measurement)
         nis, degrees = update.diagnostics.nis, update.diagnostics.nis_degrees
         heard = np.isfinite(nis) & (degrees > 0)

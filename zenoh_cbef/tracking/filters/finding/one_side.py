@@ -111,7 +111,9 @@ class OneSide(Wrapping):
             start = belief.state[:, :axes] - age[:, None] * belief.state[:, axes : 2 * axes]
             near |= plane & begun & ~self._told(height - age * rise, rise, start - guess)
             near |= status.which == LOST
-        return (flat, near | status.scarcely_heard) if self.settings.hearers_count else (plane, near)
+        if self.settings.hearers_count:
+            near |= status.scarcely_heard
+        return (flat if self.settings.proves_sides else plane), near
 
     @staticmethod
     def _near(covariance: Floats, normal: Floats, height: Floats, rise: Floats) -> Bools:
