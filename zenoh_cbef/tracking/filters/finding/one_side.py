@@ -10,20 +10,16 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.finding.beside import APART, Beside
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.linalg import matvec, pack_upper, unpack_upper
+from zenoh_cbef.tracking.linalg import pack_upper
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.status import ACQUIRING, LOST, TRACKING, Status, proof
 
-_FLAT = 1e-4
-"""Agents are in one plane that are less off it than this share of how far they reach along it."""
-
 _NEAR = 3.0
-"""How far off it they are, root mean square in units of the noise, if their ranges soon tell the side: as near_plane's.
+"""How far off a plane agents are, root mean square in units of the noise, whose ranges soon tell the side: as in
+scenario/near_plane.py.
 """
-
-_APART = 5.0
-"""By how many claimed errors an estimate has to differ from its mirror image."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +37,15 @@ class OneSide(Wrapping):
     they are in one plane. They may be a group that is cut off from others: averages are over those that are heard,
     and whatever the weights, three places are in one plane.
 
-    By today's rules (settings.guessed) ranges of the first fix tell no side either, but the guesses do: y carried back
-    to the start has to differ as far by what the mean of all guesses is worth, and to be where the own guess allows.
-    And where receivers may fall silent, only those places count of which the target was heard lately, with one number
-    more; if they were too few for long, it may have come to either side of them.
+    By today's rules (settings.proves_sides) the side has to be proved:
+
+    - At first by the guesses, as ranges of a first fix tell no side either. In the first step agents tell these in
+      place of their places. Until the target is tracked, y carried back to the start has to differ from its mirror
+      image as far by what the mean of all guesses is worth, and the place to be where that allows.
+    - Later by ranges that fit, as many as prove a first place, of agents that are off the plane by 3 sigma. A filter on
+      the wrong side first takes those of one more agent for outliers, and it may be gone before that shows.
+    - Where receivers may fall silent (settings.hearers_count), only the places of those agents count that have heard
+      the target lately, with one number more. If these were too few for long, it may be on either side of them.
     """
 
     settings: FilterSettings
@@ -60,9 +61,10 @@ class OneSide(Wrapping):
         count, axes = len(belief.state), self.settings.space.axes
         inner = belief.parts[0] if belief.parts else belief
         update = self.filter.update(inner, measurement)
-        place = measurement.position[:, :axes] - np.array(self.settings.middle)
+        begins = self.settings.proves_sides and not belief.memory
+        place = self._centred(belief.state if begins else measurement.position)
         told = np.concatenate([place, pack_upper(place[:, :, None] * place[:, None, :])], axis=1)
-        missing, guess = belief.memory or (np.zeros(count), belief.state[:, :axes])
+        missing, guess = belief.memory or (np.zeros(count), np.zeros((count, axes)))
         said = belief.status or Status.first(count)
         if self.settings.hearers_count:
             lately = said.hearing(np.isfinite(measurement.range)).unheard < self.settings.hearing
@@ -75,63 +77,51 @@ class OneSide(Wrapping):
         (missing, guess, *said), more = update.kept, self.numbers(self.settings)
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-more]), update.parts[0])
         former, status = Status(*said), inner.status or Status(*said)
-        flat, near = self._beside(inner, payload[:, -more:], status, guess)
-        fitted = np.maximum(status.heard - former.heard, 0.0) if self.settings.proves_sides else np.inf
-        missing = np.where(flat, missing, np.maximum(missing - fitted, 0.0))
-        lost = flat & (status.steps > self.settings.first_fix) & near
-        missing = np.where(lost, proof(self.settings.space.axes, self.settings.network_size), missing)
+        told = self._average(payload[:, -more:])
+        if self.settings.proves_sides:
+            guess = np.where(former.steps[:, None] > 0.0, guess, told[:, : guess.shape[1]])
+            missing = self._missing(missing, guess, inner, told, former, status)
+        else:
+            beside = Beside.of(self._centred(inner.state, whole=True), told)
+            near = (status.steps > self.settings.first_fix) & beside.unsure(inner.known_covariance)
+            missing = (beside.plane & ((missing > 0.0) | near)).astype(np.float64)
         rows = (missing > 0.0) & (status.which == TRACKING)
         status = status.told(rows, ACQUIRING, former, self.settings.motion.dt)
-        memory = missing, guess
-        return replace(inner, memory=memory, parts=(inner,), status=status, chance=None)
+        return replace(inner, memory=(missing, guess), parts=(inner,), status=status, chance=None)
 
-    def _beside(self, belief: Belief, told: Floats, status: Status, guess: Floats) -> tuple[Bools, Bools]:
-        """Whether agents are in one plane, (n,), and whether the target may be on either side of it."""
-        axes = self.settings.space.axes
-        if self.settings.hearers_count:
-            share = told[:, -1:]
-            told = told[:, :-1] / np.where(share > 0.0, share, np.inf)
-        middle = told[:, :axes]
-        spread = unpack_upper(np.ascontiguousarray(told[:, axes:]), axes) - middle[:, :, None] * middle[:, None, :]
-        sound = np.asarray(np.isfinite(spread).all(axis=(1, 2)))
-        sizes, directions = np.linalg.eigh(np.where(sound[:, None, None], spread, 0.0))
-        least = _FLAT**2 * sizes[:, -1]
-        if self.settings.proves_sides:
-            least = np.maximum(least, (_NEAR * self.settings.range_std) ** 2)
-        flat = sound & (sizes[:, 0] <= least)
-        plane = flat & (sizes[:, 1] > _FLAT**2 * sizes[:, -1])
-        normal = np.ascontiguousarray(directions[:, :, 0])
-        off = belief.state[:, :axes] - np.array(self.settings.middle) - middle
-        height = np.add.reduce(normal * off, axis=1)
-        rise = np.add.reduce(normal * belief.state[:, axes : 2 * axes], axis=1)
-        near = plane & self._near(belief.known_covariance, normal, height, rise)
-        if self.settings.guessed is not None:
-            age = self.settings.motion.dt * status.steps
-            begun = status.steps == self.settings.first_fix + 1.0
-            start = belief.state[:, :axes] - age[:, None] * belief.state[:, axes : 2 * axes]
-            near |= plane & begun & ~self._told(height - age * rise, rise, start - guess)
-            near |= status.which == LOST
-        if self.settings.hearers_count:
-            near |= status.scarcely_heard
-        return (flat if self.settings.proves_sides else plane), near
-
-    @staticmethod
-    def _near(covariance: Floats, normal: Floats, height: Floats, rise: Floats) -> Bools:
-        """Whether an estimate may be its own mirror image, (n,). height, m, and rise, m/s: along the normal, (n,)."""
-        axes = normal.shape[1]
-
-        def variance(one: int, other: int) -> Floats:
-            part = np.ascontiguousarray(covariance[:, one : one + axes, other : other + axes])
-            return np.asarray(np.add.reduce(normal * matvec(part, normal), axis=1))
-
-        first, both, second = variance(0, 0), variance(0, axes), variance(axes, axes)
-        apart = height**2 * second - 2.0 * height * rise * both + rise**2 * first
-        return np.asarray(4.0 * apart < _APART**2 * (first * second - both * both))
-
-    def _told(self, height: Floats, rise: Floats, off: Floats) -> Bools:
-        """Whether guesses tell the side of a target that began so high, (n,), and so far off the own guess, (n, axes)."""
+    def _missing(
+        self, missing: Floats, guess: Floats, inner: Belief, told: Floats, former: Status, status: Status
+    ) -> Floats:
+        """How many ranges have to fit until the side is known, (n,). guess: (n, axes), m, the mean of all."""
         settings = self.settings
+        state = self._centred(inner.state, whole=True)
+        beside = Beside.of(state, told, _NEAR * settings.range_std)
+        missing = np.where(beside.flat, missing, np.maximum(missing - np.maximum(status.heard - former.heard, 0.0), 0.0))
+        open_ = beside.unsure(inner.known_covariance) | (status.which == LOST)
+        open_ |= (former.which == ACQUIRING) & ~self._guessed(state, guess, beside, status)
+        open_ = beside.plane & open_ & (status.steps > settings.first_fix) | beside.flat & status.scarcely_heard
+        return np.where(open_, float(proof(settings.space.axes, settings.network_size)), missing)
+
+    def _guessed(self, state: Floats, guess: Floats, beside: Beside, status: Status) -> Bools:
+        """Whether guesses tell the side of an estimate, and do not deny it, (n,)."""
+        settings, axes, age = self.settings, self.settings.space.axes, self.settings.motion.dt * status.steps
         place, speed = settings.guessed or (np.inf, np.inf)
-        own = place**2 * (settings.guesses or (1, 1))[0]
-        apart = 4.0 * ((height / place) ** 2 + (rise / speed) ** 2)
-        return np.asarray((apart >= _APART**2) & (np.add.reduce(off * off, axis=1) < _APART**2 * own))
+        # A white acceleration, twice integrated.
+        strays = settings.motion.acceleration_std**2 * settings.motion.dt * age**3 / 3.0
+        std = np.sqrt(place**2 + strays)
+        off = state[:, :axes] - age[:, None] * state[:, axes : 2 * axes] - guess
+        there = np.add.reduce(off * off, axis=1) < (APART * std) ** 2
+        return there & beside.proved(age, std, speed)
+
+    def _average(self, told: Floats) -> Floats:
+        """Of agents that count."""
+        if not self.settings.hearers_count:
+            return told
+        share = told[:, -1:]
+        return told[:, :-1] / np.where(share > 0.0, share, np.inf)
+
+    def _centred(self, places: Floats, *, whole: bool = False) -> Floats:
+        """Places (n, axes or more), m, as seen from the middle; whole: with what follows them."""
+        axes = self.settings.space.axes
+        place = places[:, :axes] - np.array(self.settings.middle)
+        return np.concatenate([place, places[:, axes:]], axis=1) if whole else place
