@@ -238,6 +238,7 @@ class Filtering:
             doubts_noise=doubts,
             counts_ranges=chosen.defaults > 12,
             learns_noise=chosen.range_std == "auto" and not doubts,
+            wrong_share=scenario.sensor.outlier_probability if chosen.defaults > 15 else 0.0,
             recorded=trust.lasts(scenario) and chosen.defaults > 11,
             outliers=start.outliers(scenario),
         )

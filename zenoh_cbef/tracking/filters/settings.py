@@ -18,7 +18,8 @@ class FilterSettings:
     """What any filter may need to know.
 
     range_std: m; learns_noise: it is where learning it begins. lasting: whether errors of
-    successive ranges may be alike. recorded: whether such errors widen what agents claim, and not
+    successive ranges may be alike; wrong_share: what share of the ranges it is not
+    learned from. recorded: whether such errors widen what agents claim, and not
     the noise by which they weigh ranges, and a bias is believed also for the share of the misfit that it explains.
     doubts_noise: whether range_std may be wrong by a factor of two; counts_ranges: whether the network counts the
     ranges that say so, and lasting errors are weighed with all that an estimate keeps of them.
@@ -32,7 +33,8 @@ class FilterSettings:
     if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
     fit, or ranges, and whether only those that hear ranges vote for another fix. hearing: for
     how many steps after a range an agent counts as one that hears the target; 0: agents do not count those.
-    calls_roll: whether they count by a number for each, or by one alone.
+    calls_roll: whether they count by a number for each, or by one alone. hearers_count: whether only those make up a
+    plane, or as many as a lost target takes, and count less where they are too few.
     rounds: of a step. reacquires: how many steps another fix takes, 0 for none; spreading: in how many steps all
     agents know a decision; anywhere: where that fix looks
     for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
@@ -84,6 +86,7 @@ class FilterSettings:
     judges_agents: bool = True
     hearing: int = 0
     calls_roll: bool = True
+    hearers_count: bool = False
     rounds: int = 0
     reacquires: int = 0
     spreading: int = 1
@@ -106,6 +109,7 @@ class FilterSettings:
     told_biases: bool = False
     joint_biases: bool = False
     learns_noise: bool = False
+    wrong_share: float = 0.0
     lasting: bool = False
     recorded: bool = False
     doubts_noise: bool = False
@@ -127,7 +131,6 @@ class FilterSettings:
     outliers: tuple[float, float] | None = None
     guesses: tuple[int, int] | None = (1, 1)
     guessed: tuple[float, float] | None = None
-    hearers_count: bool = False
     least: float = -np.inf
     options: Mapping[str, object] = field(default_factory=dict)
     inversion: Inversion = BY_LIBRARY
