@@ -94,7 +94,7 @@ def test_where_too_few_agents_fit_to_prove_a_place_it_is_not_tracked():
 
 def test_how_many_agents_have_to_fit():
     def lost(agents: int, wrong: int, unknowns: int = 3) -> bool:
-        return 9.0 * wrong / agents > most_misfit(unknowns, agents)
+        return bool(9.0 * wrong / agents > most_misfit(unknowns, agents))
 
     assert [lost(agents, 1) for agents in (3, 4, 5)] == [False, True, False], "three agents never prove a place"
     assert [lost(agents, 2) for agents in (5, 6, 7)] == [True, False, False]

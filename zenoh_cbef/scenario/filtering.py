@@ -247,7 +247,6 @@ class Filtering:
         """With what finds the target, at first and again, and says what the estimate is."""
         scenario, chosen, able, tells = self.scenario, self.scenario.filter, self.abilities, self.tells_ranges
         window = 0 if self.seeks else start.window(scenario, self.settling_steps)
-        mirrored = bending.mirrored(scenario, self.range_std, self.space.axes)
         pauses = not tells and bending.may_pause(scenario, self.plain_motion, self.range_std)
         return replace(
             settings,
@@ -267,7 +266,7 @@ class Filtering:
             cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
             undetermined=chosen.defaults > 13 and bending.undetermined(scenario, self.range_std, self.space.axes),
-            sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes, mirrored=mirrored, told=tells),
+            sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes, self.range_std, told=tells),
             hearers_count=chosen.defaults > 15 and network.counts_hearers(scenario),
             guessed=start.guessed(scenario) if chosen.defaults > 15 else None,
             anywhere=start.anywhere(scenario, self.motion, self.space),

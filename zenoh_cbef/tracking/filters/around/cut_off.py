@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement, unheard
 
+
 @dataclass(frozen=True)
 class CutOff(Wrapping):
     """Any filter of the network's information, with a number more in its payload for each agent: whether it is there.
@@ -55,7 +56,7 @@ class CutOff(Wrapping):
         if np.count_nonzero(few):
             if not self.settings.splits:
                 heard = self.settings.space, inner, measurement, self.settings.range_std
-                measurement = widened(few, *heard, FEW_BEND)
+                measurement = widened(few, *heard, times=FEW_BEND)
             measurement = replace(measurement, few=few)
         update = self.filter.update(inner, measurement)
         quiet = self.filter.update(inner, unheard(measurement)).payload if apart else update.payload

@@ -49,7 +49,7 @@ class LearnedNoise(Wrapping):
         std = self.initial_std * np.exp(scale)
         update = self.filter.update(inner, replace(measurement, range_std=std))
         told = update.diagnostics
-        after = learned(scale, seen, std, told.innovation, told.nis, self.outliers)
+        after = learned(scale, seen, std, told.innovation, told.nis, outliers=self.outliers)
         return replace(update, kept=after, parts=(update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
@@ -59,7 +59,7 @@ class LearnedNoise(Wrapping):
 
 
 def learned(
-    scale: Floats, seen: Floats, std: Floats, innovation: Floats, nis: Floats, outliers: float = 0.0
+    scale: Floats, seen: Floats, std: Floats, innovation: Floats, nis: Floats, *, outliers: float = 0.0
 ) -> tuple[Floats, Floats]:
     """Log sigma/initial and number of ranges after an update, (n,); std: (n,), m, with which it was made."""
     usable = nis > 0.0

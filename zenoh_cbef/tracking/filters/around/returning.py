@@ -13,7 +13,6 @@ from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
-
 FEW_BEND = 20.0
 """How many times the variance that linearising leaves out few agents add, as their errors last from step to step."""
 
@@ -57,7 +56,7 @@ class Returning(Wrapping):
 
 
 def widened(
-    rows: Bools, space: Space, belief: Belief, measurement: Measurement, range_std: float, times: float = 1.0
+    rows: Bools, space: Space, belief: Belief, measurement: Measurement, range_std: float, *, times: float = 1.0
 ) -> Measurement:
     """A measurement of which the ranges in some rows (n,) have so many times the variance of their bend more.
 

@@ -56,7 +56,7 @@ class Knowing(Wrapping):
         if self.settings.hearers_count and not (self.settings.tells_ranges or self.settings.squares):
             few = (status.scarce > 0.0) & (status.steps >= self.settings.first_fix)
             unsure = self.settings.space, inner, measurement, self.settings.range_std
-            measurement = widened(few, *unsure, FEW_BEND)
+            measurement = widened(few, *unsure, times=FEW_BEND)
         update = self.filter.update(inner, measurement)
         nis, degrees = update.diagnostics.nis, update.diagnostics.nis_degrees
         heard = np.isfinite(nis) & (degrees > 0)

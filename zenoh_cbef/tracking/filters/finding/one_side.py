@@ -62,7 +62,7 @@ class OneSide(Wrapping):
         inner = belief.parts[0] if belief.parts else belief
         update = self.filter.update(inner, measurement)
         begins = self.settings.proves_sides and not belief.memory
-        place = self._centred(belief.state if begins else measurement.position)
+        place = self._centred(belief.state if begins else measurement.position)[:, :axes]
         told = np.concatenate([place, pack_upper(place[:, :, None] * place[:, None, :])], axis=1)
         missing, guess = belief.memory or (np.zeros(count), np.zeros((count, axes)))
         said = belief.status or Status.first(count)
@@ -77,30 +77,29 @@ class OneSide(Wrapping):
         (missing, guess, *said), more = update.kept, self.numbers(self.settings)
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-more]), update.parts[0])
         former, status = Status(*said), inner.status or Status(*said)
-        told = self._average(payload[:, -more:])
-        if self.settings.proves_sides:
+        state, told = self._centred(inner.state), self._average(payload[:, -more:])
+        proves = self.settings.proves_sides
+        beside = Beside.of(state, told, proves * _NEAR * self.settings.range_std)
+        unsure = beside.unsure(inner.known_covariance)
+        if proves:
             guess = np.where(former.steps[:, None] > 0.0, guess, told[:, : guess.shape[1]])
-            missing = self._missing(missing, guess, inner, told, former, status)
-        else:
-            beside = Beside.of(self._centred(inner.state, whole=True), told)
-            near = (status.steps > self.settings.first_fix) & beside.unsure(inner.known_covariance)
-            missing = (beside.plane & ((missing > 0.0) | near)).astype(np.float64)
+            unsure |= (status.which == LOST) | (
+                (former.which == ACQUIRING) & ~self._guessed(state, guess, beside, status)
+            )
+        unsure &= beside.plane & (status.steps > self.settings.first_fix)
+        missing = self._missing(missing, unsure, beside, former, status)
         rows = (missing > 0.0) & (status.which == TRACKING)
         status = status.told(rows, ACQUIRING, former, self.settings.motion.dt)
         return replace(inner, memory=(missing, guess), parts=(inner,), status=status, chance=None)
 
-    def _missing(
-        self, missing: Floats, guess: Floats, inner: Belief, told: Floats, former: Status, status: Status
-    ) -> Floats:
-        """How many ranges have to fit until the side is known, (n,). guess: (n, axes), m, the mean of all."""
-        settings = self.settings
-        state = self._centred(inner.state, whole=True)
-        beside = Beside.of(state, told, _NEAR * settings.range_std)
-        missing = np.where(beside.flat, missing, np.maximum(missing - np.maximum(status.heard - former.heard, 0.0), 0.0))
-        open_ = beside.unsure(inner.known_covariance) | (status.which == LOST)
-        open_ |= (former.which == ACQUIRING) & ~self._guessed(state, guess, beside, status)
-        open_ = beside.plane & open_ & (status.steps > settings.first_fix) | beside.flat & status.scarcely_heard
-        return np.where(open_, float(proof(settings.space.axes, settings.network_size)), missing)
+    def _missing(self, missing: Floats, unsure: Bools, beside: Beside, former: Status, status: Status) -> Floats:
+        """How many ranges have to fit until the side is known, (n,)."""
+        if not self.settings.proves_sides:
+            return np.asarray(beside.plane & ((missing > 0.0) | unsure), dtype=np.float64)
+        fitted = np.maximum(status.heard - former.heard, 0.0)
+        most = float(proof(self.settings.space.axes, self.settings.network_size))
+        left = np.where(beside.flat, missing, np.maximum(missing - fitted, 0.0))
+        return np.where(unsure | (beside.flat & status.scarcely_heard), most, left)
 
     def _guessed(self, state: Floats, guess: Floats, beside: Beside, status: Status) -> Bools:
         """Whether guesses tell the side of an estimate, and do not deny it, (n,)."""
@@ -111,7 +110,7 @@ class OneSide(Wrapping):
         std = np.sqrt(place**2 + strays)
         off = state[:, :axes] - age[:, None] * state[:, axes : 2 * axes] - guess
         there = np.add.reduce(off * off, axis=1) < (APART * std) ** 2
-        return there & beside.proved(age, std, speed)
+        return np.asarray(there & beside.proved(age, std, speed))
 
     def _average(self, told: Floats) -> Floats:
         """Of agents that count."""
@@ -120,8 +119,7 @@ class OneSide(Wrapping):
         share = told[:, -1:]
         return told[:, :-1] / np.where(share > 0.0, share, np.inf)
 
-    def _centred(self, places: Floats, *, whole: bool = False) -> Floats:
-        """Places (n, axes or more), m, as seen from the middle; whole: with what follows them."""
+    def _centred(self, states: Floats) -> Floats:
+        """States that begin with a place, (n, axes or more), as seen from the middle."""
         axes = self.settings.space.axes
-        place = places[:, :axes] - np.array(self.settings.middle)
-        return np.concatenate([place, places[:, axes:]], axis=1) if whole else place
+        return np.concatenate([states[:, :axes] - np.array(self.settings.middle), states[:, axes:]], axis=1)
