@@ -242,6 +242,11 @@ def test_a_place_has_to_fit_the_ranges_of_every_agent_before_a_network_tracks(ru
 def test_a_step_that_too_many_agents_deny_proves_nothing():
     """One of four is too many: three fit any place."""
     said = Status.first(1)
-    four = {"heard": np.array([4.0]), "spread": np.ones(1), "axes": 3, "fix": 0, "dt": 0.1, "most": most_misfit(3, 4)}
-    for misfit, whole, fitted in ((0.0, True, 4.0), (9.0, True, 0.0), (9.0, False, 3.0)):
-        assert said.after(misfit=np.array([misfit]), whole=whole, **four).heard == fitted
+
+    def fitted(misfit: float, *, whole: bool) -> float:
+        four, none = np.array([4.0]), np.array([misfit])
+        known = most_misfit(3, 4)
+        after = said.after(heard=four, misfit=none, spread=np.ones(1), axes=3, fix=0, dt=0.1, most=known, whole=whole)
+        return float(after.heard[0])
+
+    assert [fitted(0.0, whole=True), fitted(9.0, whole=True), fitted(9.0, whole=False)] == [4.0, 0.0, 3.0]

@@ -202,10 +202,7 @@ class Status:
         if early.nonzero()[0].size:
             heard = np.where(early, 0.0, heard)
         fades = np.exp(heard / -_MEMORY)
-        fits = heard if most is None else heard - np.minimum(misfit / CUT, heard)
-        if whole and most is not None:
-            fits = np.where(misfit > most * heard, 0.0, fits)
-        fitted = self.heard + fits
+        fitted = self.heard + _fits(heard, misfit, most, whole=whole)
         scarce = self.scarce
         if enough is not None:
             scarce = np.where(enough, 0.0, scarce + 1.0)
@@ -226,6 +223,14 @@ class Status:
             *(which, seconds, steps, fitted, *sums, reference, spread),
             *(self.own, self.latest, self.unheard, scarce),
         )
+
+
+def _fits(heard: Floats, misfit: Floats, most: float | Floats | None, *, whole: bool) -> Floats:
+    """How many ranges of a step fit, (n,); see `Status.after`."""
+    if most is None:
+        return heard
+    fits = heard - np.minimum(misfit / CUT, heard)
+    return np.where(misfit > most * heard, 0.0, fits) if whole else fits
 
 
 def proof(axes: int, agents: int) -> int:
