@@ -199,11 +199,9 @@ class Status:
         reference = np.minimum(spread, self.reference * np.exp(_LEARNED * heard / axes))
         steps = self.steps + 1.0
         early = steps <= fix
-        if early.nonzero()[0].size:
-            heard = np.where(early, 0.0, heard)
+        heard = np.where(early, 0.0, heard)
         fades = np.exp(heard / -_MEMORY)
-        fitted = self.heard + _fits(heard, misfit, most, whole=whole)
-        scarce = self.scarce
+        fitted, scarce = self.heard + _fits(heard, misfit, most, whole=whole), self.scarce
         if enough is not None:
             scarce = np.where(enough, 0.0, scarce + 1.0)
             fitted = np.where(scarce < _SCARCE, fitted, 0.0)
