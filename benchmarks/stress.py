@@ -109,7 +109,7 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
     with np.errstate(all="ignore"):
         traces = [believed(trace) for trace in simulate(scenarios, heard=heard)]
         runs = analyze(traces)
-        twin, best_one = _yardsticks(traces, runs[0].first)
+        twin, best_one = yardsticks(traces, runs[0].first)
     best = np.fmin(twin, best_one)
     return Scores(
         np.array([pick(run.metrics, "position_rmse") for run in runs]),
@@ -121,7 +121,7 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
     )
 
 
-def _yardsticks(traces: Sequence[Trace], first: int) -> tuple[Floats, Floats]:
+def yardsticks(traces: Sequence[Trace], first: int) -> tuple[Floats, Floats]:
     """RMSE of the twin and of the strong yardstick in each run: root mean square over agents of what reaches each."""
     reached = [(run, one) for run, trace in enumerate(traces) for one in reaches(trace)]
     heard = [one.trace for _, one in reached]

@@ -113,11 +113,16 @@ def centralized_steps(plan: Plan, initial: Floats, steps: Iterator[Ranges]) -> I
             yield belief
     if motions := plan.models or plan.noises:
         switching = Switching(motions, plan.settings.leaving)
-        models = CentralModels(switching, plan.space, xi, plan.power, plan.settings.widens)
+        models = CentralModels(switching, plan.space, xi, plan.power, plan.settings.widens, plan.settings.weighed)
         yield from centralized_models(belief, models, steps)
     else:
-        widens = plan.settings.widens
-        yield from centralized_beliefs(belief, plan.motion, plan.space, steps, xi=xi, power=plan.power, widens=widens)
+        yield from centralized_beliefs(
+            *(belief, plan.motion, plan.space, steps),
+            xi=xi,
+            power=plan.power,
+            widens=plan.settings.widens,
+            outliers=plan.settings.weighed,
+        )
 
 
 def jointly(plan: Plan) -> bool:

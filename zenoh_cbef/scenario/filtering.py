@@ -237,6 +237,7 @@ class Filtering(Meant):
             wrong_share=scenario.sensor.outlier_probability if chosen.defaults > 15 else 0.0,
             recorded=trust.lasts(scenario) and chosen.defaults > 11,
             outliers=start.outliers(scenario),
+            weighed=trust.weighed_outliers(scenario),
         )
 
     def _finding(self, settings: FilterSettings) -> FilterSettings:
@@ -255,7 +256,8 @@ class Filtering(Meant):
             reacquires=window,
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),
-            bends=chosen.defaults > 7 and not tells,
+            # At turns among told outliers an estimate is unsure for some steps, though no range is missing.
+            bends=chosen.defaults > 7 and not (tells or (self.models and trust.weighed_outliers(scenario))),
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),
             rejoins=chosen.defaults > 13,
@@ -267,6 +269,7 @@ class Filtering(Meant):
             guessed=start.guessed(scenario) if chosen.defaults > 15 else None,
             anywhere=start.anywhere(scenario, self.motion, self.space),
             first_fix=self.first_fix_steps,
+            joins_fix=chosen.defaults > 15,
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),
             tries_guess=self.search is not None and start.tries_guess(scenario),
             search=self.search,

@@ -15,8 +15,8 @@ from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, SQUARES, 
 from zenoh_cbef.tracking.filters.around.learned_noise import learned
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.finding.tried_guess import first_fix
-from zenoh_cbef.tracking.filters.information_form import saturated_precision, saturation
 from zenoh_cbef.tracking.filters.models.biased_information import forgetting
+from zenoh_cbef.tracking.filters.weighing import saturated_precision, saturation
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, no_neighbours, own_range

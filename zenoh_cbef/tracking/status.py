@@ -121,10 +121,10 @@ class Status:
     scarce: Floats
 
     @classmethod
-    def first(cls, count: int) -> Self:
-        """Before the first step of so many agents."""
+    def first(cls, count: int, steps: int = 0) -> Self:
+        """Before the first step of so many agents. steps: how many the network has had without them."""
         none = np.zeros(count)
-        known = {"misfit": np.full(count, _BEGUN), "weight": np.full(count, _BEGUN)}
+        known = {"misfit": np.full(count, _BEGUN), "weight": np.full(count, _BEGUN), "steps": none + steps}
         known |= {"reference": np.full(count, np.inf), "own": np.full(count, DOUBT)}
         return cls(**{one.name: known.get(one.name, none) for one in fields(cls)})
 

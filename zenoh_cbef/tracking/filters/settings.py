@@ -10,6 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
 from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space
 
 
@@ -72,6 +73,8 @@ class FilterSettings:
     """A range below it, m, is none where ranges are squared, as its square is another one's."""
     outliers: tuple[float, float] | None = None
     """What share of the ranges are too long, and by how much (m) on average, where the scenario tells so."""
+    weighed: Outliers | None = None
+    """The same, where these decide what a range counts for, in place of the saturation."""
     distrusts: bool = False
     """Whether agents give their own implausible ranges less weight."""
     recovers: float = 0.0
@@ -111,6 +114,8 @@ class FilterSettings:
     # The first fix, by least squares on the first ranges.
     first_fix: int = 0
     """Over how many steps it improves the initial estimate, a guess; 0: there is none."""
+    joins_fix: bool = False
+    """Whether an agent that begins anew joins a fix that is under way, and a group counts the ranges of one once."""
     squared_fix: int = 0
     """How many of these steps are on squared ranges."""
     search: tuple[Floats, Floats] | None = None

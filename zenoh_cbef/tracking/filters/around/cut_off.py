@@ -59,7 +59,8 @@ class CutOff(Wrapping):
                 measurement = widened(few, *heard, times=FEW_BEND)
             measurement = replace(measurement, few=few)
         update = self.filter.update(inner, measurement)
-        quiet = self.filter.update(inner, unheard(measurement)).payload if apart else update.payload
+        nothing = replace(unheard(measurement), forgets=self.settings.joins_fix)
+        quiet = self.filter.update(inner, nothing).payload if apart else update.payload
         if measurement.agent is None:
             raise ValueError("agents that may be cut off have numbers")
         told = roll_call.told(known, measurement.agent)

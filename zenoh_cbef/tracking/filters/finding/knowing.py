@@ -52,7 +52,8 @@ class Knowing(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
         inner = belief.parts[0] if belief.parts else belief
-        status = Status.first(len(belief.state)) if belief.status is None else belief.status
+        passed = (measurement.step or 1) - 1 if self.settings.joins_fix else 0
+        status = Status.first(len(belief.state), passed) if belief.status is None else belief.status
         if self.settings.hearers_count and not (self.settings.tells_ranges or self.settings.squares):
             few = (status.scarce > 0.0) & (status.steps >= self.settings.first_fix)
             unsure = self.settings.space, inner, measurement, self.settings.range_std
