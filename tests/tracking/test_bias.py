@@ -250,3 +250,17 @@ def test_what_cannot_be_estimated_is_refused():
         load("tracking", ["filter.kind=kcf", "filter.bias=estimate"])
     with pytest.raises(UserError, match=r"filter\.range_std = 'auto' is not for 'cbef'"):
         load("tracking", ["filter.kind=cbef", "filter.range_std=auto"])
+
+
+def test_beside_outliers_half_of_the_other_ranges_are_small():
+    """So a noise that is right stays right on average."""
+    random, size = np.random.default_rng(6), 100_000
+    nis = np.where(random.random(size) < 0.4, 100.0, random.normal(size=size) ** 2)
+
+    def drift(**told: float) -> float:
+        # Of ranges that are known well, whose innovations are all noise.
+        scale, _ = learned(np.zeros(size), np.zeros(size), np.ones(size), np.sqrt(nis), nis, **told)
+        return float(scale.mean())
+
+    assert abs(drift(outliers=0.4)) < 0.02
+    assert drift() > 0.3

@@ -104,3 +104,9 @@ def test_an_estimate_is_worth_what_it_claims_where_it_was_not(sets, seed):
         worth.append(float(nees[said].mean()))
     assert worth[0] > 10.0
     assert worth[1] < 3.0
+
+
+def test_an_agent_that_learns_its_noise_tells_its_ranges_too():
+    learns = *CORRIDOR, "filter.range_std=auto"
+    assert not plan_of(*learns).tells_ranges
+    assert plan_of(*learns, rules=16).tells_ranges

@@ -12,7 +12,7 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.around.hearers import Hearers
-from zenoh_cbef.tracking.status import COASTING, TRACKING
+from zenoh_cbef.tracking.status import COASTING, LOST, TRACKING
 
 SILENT = 70
 """The step after which some agents hear no more."""
@@ -80,3 +80,32 @@ def test_a_target_that_leaves_the_reach_of_receivers_is_coasted_after_before_non
     heard = np.isfinite(trace.ranges).sum(axis=0)
     assert heard[-20:].tolist() == [1] * 20
     assert (trace.diagnostics.status[:, -20:] == COASTING).all()
+
+
+def seen(seed, steps, *more):
+    """Errors, m, and what agents say, of a target that goes out of reach."""
+    keys = "sensor.reach=9", "consensus.trigger=0.1", f"seed={seed}", f"steps={steps}"
+    (trace,) = simulate([load("tracking", [*keys, *more]).scenario])
+    return np.linalg.norm((trace.estimates - trace.truth)[:, :, :3], axis=2), trace.diagnostics.status
+
+
+def test_three_that_hear_the_target_after_two_did_may_follow_its_mirror_image_and_say_so():
+    error, status = seen(1047, 120, "filter.defaults=15")
+    assert (error[:, 100:] > 3.0).all()
+    assert (status[:, 100:] == TRACKING).all()
+    assert not (seen(1047, 120)[1] == TRACKING).any()
+
+
+@pytest.mark.slow
+def test_a_fourth_that_denies_the_mirror_image_makes_the_network_look_for_its_target_again():
+    error, status = seen(6014, 296)
+    assert (error[:, 240:280] > 5.0).all()
+    assert (status[:, 260:280] == LOST).all()
+    assert not (status == TRACKING).any()
+    assert error[:, -1].max() < 0.5
+
+
+@pytest.mark.slow
+def test_ranges_of_two_hearers_do_not_pull_the_estimate_along_their_circle():
+    now, before = (seen(1037, 120, *more)[0][0] for more in ((), ("filter.defaults=15",)))
+    assert now[-1] < 0.5 * before[-1]

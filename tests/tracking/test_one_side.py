@@ -97,3 +97,15 @@ def test_agents_on_a_line_never_say_that_they_track_a_target_in_space():
 def test_where_ranges_tell_the_place_they_do(known):
     path = ["target.position=[-3,6,0]", "target.velocity=[0.2,0,0]", "target.acceleration_std=0.01"]
     assert (said(known, *path, "filter.acceleration_std=0.01")[:, -1] == TRACKING).all()
+
+
+FLAT = "agents.low=[-10,-10,0]", "agents.high=[10,10,0]", "seed=1050", "steps=80"
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"), [((), ACQUIRING), (("filter.defaults=15",), TRACKING), (("target.position=[0,0,6]",), TRACKING)]
+)
+def test_a_first_fix_knows_no_side_that_guesses_do_not_tell(keys, said):
+    """The target begins in the plane, and by older rules the network is 3 m off on the other side."""
+    (trace,) = simulate([load("tracking", [*FLAT, *keys]).scenario])
+    assert (trace.diagnostics.status[:, -1] == said).all()

@@ -94,7 +94,7 @@ def test_where_too_few_agents_fit_to_prove_a_place_it_is_not_tracked():
 
 def test_how_many_agents_have_to_fit():
     def lost(agents: int, wrong: int, unknowns: int = 3) -> bool:
-        return 9.0 * wrong / agents > most_misfit(unknowns, agents)
+        return bool(9.0 * wrong / agents > most_misfit(unknowns, agents))
 
     assert [lost(agents, 1) for agents in (3, 4, 5)] == [False, True, False], "three agents never prove a place"
     assert [lost(agents, 2) for agents in (5, 6, 7)] == [True, False, False]
@@ -237,3 +237,16 @@ def test_a_place_has_to_fit_the_ranges_of_every_agent_before_a_network_tracks(ru
     assert (off & tracks).any() == sure
     assert tracks[:, -1].all()
     assert not off[:, -1].any()
+
+
+def test_a_step_that_too_many_agents_deny_proves_nothing():
+    """One of four is too many: three fit any place."""
+    said = Status.first(1)
+
+    def fitted(misfit: float, *, whole: bool) -> float:
+        four, none = np.array([4.0]), np.array([misfit])
+        known = most_misfit(3, 4)
+        after = said.after(heard=four, misfit=none, spread=np.ones(1), axes=3, fix=0, dt=0.1, most=known, whole=whole)
+        return float(after.heard[0])
+
+    assert [fitted(0.0, whole=True), fitted(9.0, whole=True), fitted(9.0, whole=False)] == [4.0, 0.0, 3.0]

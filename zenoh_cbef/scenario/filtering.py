@@ -124,11 +124,6 @@ class Filtering(Meant):
         return plain_motion((self.motion,), self.motion)
 
     @alike
-    def calm_motion(self) -> LinearMotion:
-        """What the bound is computed with: of several motions the calmest, as none of them may be below it."""
-        return plain_motion(self.models, self.motion) if self.models else self.plain_motion
-
-    @alike
     def range_std(self) -> float:
         """The range noise that the filter assumes, m; where it is learned, what it begins with."""
         assumed = self.scenario.filter.range_std
@@ -236,6 +231,7 @@ class Filtering(Meant):
             doubts_noise=doubts,
             counts_ranges=chosen.defaults > 12,
             learns_noise=chosen.range_std == "auto" and not doubts,
+            wrong_share=scenario.sensor.outlier_probability if chosen.defaults > 15 else 0.0,
             recorded=trust.lasts(scenario) and chosen.defaults > 11,
             outliers=start.outliers(scenario),
             weighed=trust.weighed_outliers(scenario),
@@ -246,7 +242,7 @@ class Filtering(Meant):
         scenario, chosen, able, tells = self.scenario, self.scenario.filter, self.abilities, self.tells_ranges
         window = 0 if self.seeks else start.window(scenario, self.settling_steps)
         drawn_flat = tells and telling.none_to_spare(scenario, self.models)
-        mirrored = drawn_flat or bending.mirrored(scenario, self.range_std, self.space.axes)
+        flat = network.may_be_in_a_plane(scenario, self.space.axes, self.range_std, told=tells, drawn_flat=drawn_flat)
         pauses = not tells and bending.may_pause(scenario, self.plain_motion, self.range_std)
         return replace(
             settings,
@@ -268,7 +264,9 @@ class Filtering(Meant):
             cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
             undetermined=chosen.defaults > 13 and bending.undetermined(scenario, self.range_std, self.space.axes),
-            sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes, mirrored=mirrored),
+            sides=able.biases and flat,
+            hearers_count=chosen.defaults > 15 and network.counts_hearers(scenario),
+            guessed=start.guessed(scenario) if chosen.defaults > 15 else None,
             anywhere=start.anywhere(scenario, self.motion, self.space),
             first_fix=self.first_fix_steps,
             joins_fix=chosen.defaults > 15,

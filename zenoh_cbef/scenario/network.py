@@ -6,7 +6,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults import MessageFault, SensorDropout
-from zenoh_cbef.scenario import trust
+from zenoh_cbef.scenario import bending, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, placement
 from zenoh_cbef.tracking import graph, weights
@@ -74,15 +74,18 @@ def counts_hearers(scenario: Scenario) -> bool:
     return silent and asked and able and not trust.real(scenario)
 
 
-def may_be_in_a_plane(scenario: Scenario, axes: int, *, mirrored: bool) -> bool:
+def may_be_in_a_plane(scenario: Scenario, axes: int, range_std: float, *, told: bool, drawn_flat: bool) -> bool:
     """Whether all agents, or a group that is cut off from others, may be as few as make a plane, or a line of two axes.
 
-    Or, by the fifteenth rules, all are in one, or may be where a seed places them (mirrored).
+    Or, by the fifteenth rules, all are in one. By today's a seed may place them so (drawn_flat), or those that hear the
+    target may be so few, but if they tell each other their ranges (told), they keep both sides as hypotheses.
 
     For agents that say what their estimates are, and do not presume to be on the side that they are on.
     """
     asked = scenario.filter.status and scenario.consensus.rounds > 0 and not trust.presumes(scenario)
-    may = scenario.count == axes or tells_members(scenario) or (mirrored and scenario.filter.defaults > 14)
+    may = scenario.count == axes or tells_members(scenario)
+    may |= scenario.filter.defaults > 14 and (drawn_flat or bending.mirrored(scenario, range_std, axes))
+    may |= scenario.filter.defaults > 15 and counts_hearers(scenario) and not told
     return asked and scenario.count >= axes and may
 
 

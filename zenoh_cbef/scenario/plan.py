@@ -11,13 +11,14 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario import network, start, trust
 from zenoh_cbef.scenario.alike import alike
 from zenoh_cbef.scenario.filtering import Filtering
+from zenoh_cbef.scenario.motion import plain_motion
 from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
 from zenoh_cbef.scenario.scheme import chosen_scheme
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.compact import Compact
 from zenoh_cbef.tracking.filters import Filter, make_filter, payloads_of, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief, Sharing
-from zenoh_cbef.tracking.motion import begun
+from zenoh_cbef.tracking.motion import LinearMotion, begun
 from zenoh_cbef.tracking.payloads import InformationPayloads, Payloads
 
 _BEACON_ROUNDS = 3.0
@@ -42,6 +43,11 @@ class Plan(Filtering):
     def isolates(self) -> bool:
         """Whether agents leave out neighbours whose messages their own prediction rules out."""
         return self.rounds > 0 and isinstance(self.payloads, InformationPayloads) and trust.isolates(self.scenario)
+
+    @alike
+    def calm_motion(self) -> LinearMotion:
+        """What the bound is computed with: of several motions the calmest, as none of them may be below it."""
+        return plain_motion(self.models, self.motion) if self.models else self.plain_motion
 
     @alike
     def filter(self) -> Filter:

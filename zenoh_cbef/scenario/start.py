@@ -203,6 +203,12 @@ def guesses(scenario: Scenario) -> tuple[int, int]:
     return _independent(chosen.initial_position, scenario.count), _independent(chosen.initial_velocity, scenario.count)
 
 
+def guessed(scenario: Scenario) -> tuple[float, float]:
+    """Standard deviations of the mean of all guesses, of position, m, and of velocity, m/s."""
+    std, (places, speeds) = initial_std(scenario), guesses(scenario)
+    return float(std[0] / np.sqrt(places)), float(std[3] / np.sqrt(speeds))
+
+
 def _independent(given: Sequence[float] | Sequence[Sequence[float]] | None, count: int) -> int:
     return 1 if given is not None and not isinstance(given[0], Sequence) else count
 

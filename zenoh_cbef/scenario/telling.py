@@ -108,10 +108,12 @@ def none_to_spare(scenario: Scenario, motions: Sequence[Motion]) -> bool:
 def _comes(scenario: Scenario) -> bool:
     """Whether every range comes to every agent in its step, whatever the graph, with an error that is noise as known.
 
-    What learns a noise stands around other filters, and biases that are drawn are better estimated without.
+    Or, by today's rules, as each agent learns it. What doubts a noise that is told stands around other filters, and
+    biases that are drawn are better estimated without.
     """
-    everywhere = scenario.consensus.rounds >= scenario.count - 1
-    return everywhere and scenario.filter.range_std is None and scenario.sensor.bias_std == 0.0
+    everywhere, noise = scenario.consensus.rounds >= scenario.count - 1, scenario.filter.range_std
+    known = noise is None or (noise == "auto" and scenario.filter.defaults > 15)
+    return everywhere and known and scenario.sensor.bias_std == 0.0
 
 
 def _explained(scenario: Scenario) -> bool:

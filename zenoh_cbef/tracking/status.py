@@ -159,6 +159,11 @@ class Status:
         return replace(self, unheard=np.where(heard, 0.0, self.unheard + 1.0))
 
     @property
+    def scarcely_heard(self) -> Bools:
+        """Whether too few agents have heard the target for so long that it is no longer tracked, (n,)."""
+        return np.asarray(self.scarce >= _SCARCE)
+
+    @property
     def wrong(self) -> Bools:
         """Whether an agent's own ranges do not fit, (n,)."""
         return np.asarray(self.own > WRONG)
@@ -180,6 +185,7 @@ class Status:
         most: float | Floats | None = None,
         agents: int = 0,
         enough: Bools | None = None,
+        whole: bool = False,
     ) -> Self:
         """A step of dt (s) later.
 
@@ -188,22 +194,21 @@ class Status:
         network that has lost its target; None: by the first rules, where misfit is of ranges and not of agents.
         agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
         enough: (n,), whether enough agents have heard the target lately; None: agents do not count them.
+        whole: whether ranges of a step prove nothing of which as many do not fit as those of a lost target.
         """
         reference = np.minimum(spread, self.reference * np.exp(_LEARNED * heard / axes))
         steps = self.steps + 1.0
         early = steps <= fix
-        if early.nonzero()[0].size:
-            heard = np.where(early, 0.0, heard)
+        heard = np.where(early, 0.0, heard)
         fades = np.exp(heard / -_MEMORY)
-        fitted = self.heard + (heard if most is None else heard - np.minimum(misfit / CUT, heard))
-        scarce = self.scarce
+        fitted, scarce = self.heard + _fits(heard, misfit, most, whole=whole), self.scarce
         if enough is not None:
             scarce = np.where(enough, 0.0, scarce + 1.0)
             fitted = np.where(scarce < _SCARCE, fitted, 0.0)
         sums = fades * self.misfit + np.minimum(misfit, CUT * heard), fades * self.weight + heard
         lost = sums[0] > (_MOST if most is None else most) * sums[1]
         which, seconds = np.array([TRACKING]).repeat(len(heard)), self.seconds + dt
-        proved = fitted >= max(_FIRST * axes, _PROOF * agents)
+        proved = fitted >= proof(axes, agents)
         which[spread > _COASTS * reference] = COASTING
         if enough is not None:
             which[(scarce >= _SCARCE) | (self.which == COASTING) & ~proved] = COASTING
@@ -218,12 +223,26 @@ class Status:
         )
 
 
-def most_misfit(unknowns: int, agents: int) -> float:
+def _fits(heard: Floats, misfit: Floats, most: float | Floats | None, *, whole: bool) -> Floats:
+    """How many ranges of a step fit, (n,); see `Status.after`."""
+    if most is None:
+        return heard
+    fits = heard - np.minimum(misfit / CUT, heard)
+    return np.where(misfit > most * heard, 0.0, fits) if whole else fits
+
+
+def proof(axes: int, agents: int) -> int:
+    """How many ranges have to fit that prove a place, of so many agents; 0: of any."""
+    return max(_FIRST * axes, _PROOF * agents)
+
+
+def most_misfit(unknowns: int, agents: float | Floats) -> Floats:
     """The mean misfit of a network that has lost its target, where agents tell whether their ranges fit.
 
     unknowns: what is fitted to the ranges of a moment: coordinates, and a bias that all ranges share.
     """
-    return min(_MOST, CUT * (1.0 - (unknowns + _SPARE) / agents)) if unknowns < agents else _MOST
+    spare = np.minimum(_MOST, CUT * (1.0 - (unknowns + _SPARE) / np.maximum(agents, 1.0)))
+    return np.where(unknowns < np.asarray(agents), spare, _MOST)
 
 
 def status_name(number: float | None) -> str | None:

@@ -153,7 +153,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.lasting:
         chosen = LastingErrors.of(settings, chosen)
     elif settings.learns_noise:
-        chosen = LearnedNoise(chosen, settings.range_std)
+        chosen = LearnedNoise(chosen, settings.range_std, settings.wrong_share)
     if settings.says_status:
         chosen = _knowing(kind, settings, chosen, xi)
     return CutOff(chosen, settings) if settings.cut_off else chosen

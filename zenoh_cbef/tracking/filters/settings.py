@@ -90,6 +90,8 @@ class FilterSettings:
     """From which share of implausible innovations on the network widens its covariances; 0: never."""
     learns_noise: bool = False
     """Whether agents learn the noise of ranges."""
+    wrong_share: float = 0.0
+    """Of what share of the ranges they do not, as these are outliers."""
     doubts_noise: bool = False
     """Whether range_std may be wrong by a factor of two."""
     counts_ranges: bool = False
@@ -132,6 +134,8 @@ class FilterSettings:
     guesses: tuple[int, int] | None = (1, 1)
     """How many of the agents' guesses of position, and of velocity, are independent; None: by rules before the
     fourth, see first_fix.py."""
+    guessed: tuple[float, float] | None = None
+    """What the mean of all guesses is worth: standard deviations, m and m/s; None: a side need not be proved."""
 
     # What the estimate is, and other fixes.
     says_status: bool = False
@@ -144,6 +148,8 @@ class FilterSettings:
     """For how many steps after a range an agent counts as one that hears the target; 0: agents do not count those."""
     calls_roll: bool = True
     """Whether they count them by a number for each, or by one alone."""
+    hearers_count: bool = False
+    """Whether those alone make up a plane and judge a place, and ranges count less where they are too few."""
     undetermined: bool = False
     """Whether the agents' places leave open where the target is, so that they never say that they track it."""
     sides: bool = False
@@ -174,6 +180,11 @@ class FilterSettings:
         """Between which motions the target switches, or noises, and how."""
         motions = self.models or self.noises or (self.motion,)
         return Switching(motions, self.leaving, nearer=self.nearer, unseen=self.unseen)
+
+    @property
+    def proves_sides(self) -> bool:
+        """Whether the side of a plane has to be proved, by guesses at first and by ranges later."""
+        return self.guessed is not None
 
     @property
     def constants(self) -> int:

@@ -9,15 +9,11 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around import roll_call
-from zenoh_cbef.tracking.filters.around.returning import bend
+from zenoh_cbef.tracking.filters.around.returning import FEW_BEND, widened
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
-from zenoh_cbef.tracking.filters.information_form import variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement, unheard
-
-_BENT = 20.0
-"""How many times the variance that linearising leaves out few agents add, as their errors last from step to step."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +53,11 @@ class CutOff(Wrapping):
         inner = belief.parts[0] if belief.parts else belief
         known, share = belief.memory or (np.full((count, agents), float(self.settings.presumes)), np.ones(count))
         apart, few = np.count_nonzero(share < 1.0), self._few(share)
-        if np.count_nonzero(few) and self.settings.splits:
+        if np.count_nonzero(few):
+            if not self.settings.splits:
+                heard = self.settings.space, inner, measurement, self.settings.range_std
+                measurement = widened(few, *heard, times=FEW_BEND)
             measurement = replace(measurement, few=few)
-        elif np.count_nonzero(few):
-            added = np.where(few, _BENT * bend(self.settings.space, inner, measurement), 0.0)
-            std = np.sqrt(variance_of(measurement, self.settings.range_std) + added)
-            measurement = replace(measurement, range_std=std, few=few)
         update = self.filter.update(inner, measurement)
         nothing = replace(unheard(measurement), forgets=self.settings.joins_fix)
         quiet = self.filter.update(inner, nothing).payload if apart else update.payload

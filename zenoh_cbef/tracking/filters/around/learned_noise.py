@@ -34,10 +34,12 @@ class LearnedNoise(Wrapping):
     not depend on how large outliers are: with 30 % outliers sigma is too large by a factor 1.6 only. Where the
     innovation says more of the state than of the range, f is small, and sigma changes little. m: ranges so far.
 
-    initial_std: sigma to begin with (m).
+    initial_std: sigma to begin with (m). outliers: what share of the ranges the scenario tells to be too long: then a
+    half of the others is small, so a small one weighs (1 + p)/(1 - p) times as much as a large one.
     """
 
     initial_std: float
+    outliers: float = 0.0
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update with the noise known so far; kept: the noise known after it."""
@@ -47,7 +49,8 @@ class LearnedNoise(Wrapping):
         std = self.initial_std * np.exp(scale)
         update = self.filter.update(inner, replace(measurement, range_std=std))
         told = update.diagnostics
-        return replace(update, kept=learned(scale, seen, std, told.innovation, told.nis), parts=(update,))
+        after = learned(scale, seen, std, told.innovation, told.nis, outliers=self.outliers)
+        return replace(update, kept=after, parts=(update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief."""
@@ -55,12 +58,14 @@ class LearnedNoise(Wrapping):
         return Belief(inner.state, inner.covariance, inner.bias, update.kept, (inner,))
 
 
-def learned(scale: Floats, seen: Floats, std: Floats, innovation: Floats, nis: Floats) -> tuple[Floats, Floats]:
+def learned(
+    scale: Floats, seen: Floats, std: Floats, innovation: Floats, nis: Floats, *, outliers: float = 0.0
+) -> tuple[Floats, Floats]:
     """Log sigma/initial and number of ranges after an update, (n,); std: (n,), m, with which it was made."""
     usable = nis > 0.0
     nis = np.where(usable, nis, 1.0)
     share = np.where(usable, std**2 * nis / np.where(usable, innovation, 1.0) ** 2, 0.0)
     gain = np.maximum(1.0 / (1.0 + seen / 5.0), _SLOWEST)
-    step = gain * np.minimum(share, 1.0) * np.where(nis > _MEDIAN**2, 1.0, -1.0)
+    step = gain * np.minimum(share, 1.0) * np.where(nis > _MEDIAN**2, 1.0, -(1.0 + outliers) / (1.0 - outliers))
     limit = np.log(_WIDEST)
     return np.clip(scale + step, -limit, limit), seen + usable

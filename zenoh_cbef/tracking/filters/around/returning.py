@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zenoh_cbef.arrays import Floats
+from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
+
+FEW_BEND = 20.0
+"""How many times the variance that linearising leaves out few agents add, as their errors last from step to step."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +39,8 @@ class Returning(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update."""
         inner = belief.parts[0] if belief.parts else belief
-        if belief.memory and belief.memory[0].nonzero()[0].size:
-            added = np.where(belief.memory[0] > 0.0, bend(self.space, inner, measurement), 0.0)
-            std = np.sqrt(variance_of(measurement, self.range_std) + added)
-            measurement = replace(measurement, range_std=std)
+        if belief.memory:
+            measurement = widened(belief.memory[0] > 0.0, self.space, inner, measurement, self.range_std)
         return self.filter.update(inner, measurement)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
@@ -52,6 +53,19 @@ class Returning(Wrapping):
         """A belief of neighbours, in the form that this filter carries from step to step."""
         begun = super().resumed(belief)
         return replace(begun, memory=(np.ones(len(belief.state)),)) if self.newcomers else begun
+
+
+def widened(
+    rows: Bools, space: Space, belief: Belief, measurement: Measurement, range_std: float, *, times: float = 1.0
+) -> Measurement:
+    """A measurement of which the ranges in some rows (n,) have so many times the variance of their bend more.
+
+    range_std: m, where a measurement does not say otherwise.
+    """
+    if not rows.nonzero()[0].size:
+        return measurement
+    added = np.where(rows, times * bend(space, belief, measurement), 0.0)
+    return replace(measurement, range_std=np.sqrt(variance_of(measurement, range_std) + added))
 
 
 def bend(space: Space, belief: Belief, measurement: Measurement) -> Floats:

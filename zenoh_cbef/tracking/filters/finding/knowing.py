@@ -10,6 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.around.hearers import Hearers
 from zenoh_cbef.tracking.filters.around.mirror_images import undecided
+from zenoh_cbef.tracking.filters.around.returning import FEW_BEND, widened
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
@@ -53,6 +54,10 @@ class Knowing(Wrapping):
         inner = belief.parts[0] if belief.parts else belief
         passed = (measurement.step or 1) - 1 if self.settings.joins_fix else 0
         status = Status.first(len(belief.state), passed) if belief.status is None else belief.status
+        if self.settings.hearers_count and not (self.settings.tells_ranges or self.settings.squares):
+            few = (status.scarce > 0.0) & (status.steps >= self.settings.first_fix)
+            unsure = self.settings.space, inner, measurement, self.settings.range_std
+            measurement = widened(few, *unsure, times=FEW_BEND)
         update = self.filter.update(inner, measurement)
         nis, degrees = update.diagnostics.nis, update.diagnostics.nis_degrees
         heard = np.isfinite(nis) & (degrees > 0)
@@ -86,13 +91,13 @@ class Knowing(Wrapping):
         count, axes, dt = settings.network_size, settings.space.axes, settings.motion.dt
         numbers = np.nan_to_num(payload[:, -more:])
         if count > 1:
-            numbers[unchanged(payload, update.payload)] = 0.0
+            alone = unchanged(payload, update.payload)
+            # Of who hears the target an agent knows what it knew.
+            numbers[alone, : 2 if settings.hearers_count else more] = 0.0
         mean, hearing = np.fmin(np.fmax(numbers[:, :2], 0.0), CUT), numbers[:, 2:]
-        most: float | Floats | None = None
-        if settings.judges_agents:
-            most, biased = self._most
-            if inner.bias is not None:
-                most = np.where(inner.bias.weight > 0.5, biased, most)
+        hear = hearers.count(hearing) if settings.hearing else None
+        judges = np.fmin(np.rint(hear), count) if hear is not None and settings.hearers_count else float(count)
+        most = self._most(inner.bias, judges) if settings.judges_agents else None
         covariance = inner.known_covariance
         variance = covariance[:, 0, 0]
         for axis in range(1, axes):
@@ -106,7 +111,8 @@ class Knowing(Wrapping):
             dt=dt,
             most=most,
             agents=0 if settings.presumes else count,
-            enough=hearers.count(hearing) > axes - 0.5 if settings.hearing else None,
+            whole=settings.hearers_count,
+            enough=None if hear is None else hear > axes - 0.5,
         )
         if settings.undetermined:
             status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
@@ -134,8 +140,11 @@ class Knowing(Wrapping):
         told = self.settings.outliers
         return wrong_among(told[0]) if self.settings.seeks and told is not None else WRONG
 
-    @cached_property
-    def _most(self) -> tuple[float, float]:
-        """The mean misfit of a network that has lost its target, without a bias and with one."""
+    def _most(self, bias: Bias | None, agents: float | Floats) -> Floats:
+        """The mean misfit of a network that has lost its target, where agents rely on a bias and where they do not.
+
+        agents: how many judge the place; by the fifteenth rules also those of which the target is not heard.
+        """
         axes = self.settings.space.axes
-        return most_misfit(axes, self.settings.network_size), most_misfit(axes + 1, self.settings.network_size)
+        most = most_misfit(axes, agents)
+        return most if bias is None else np.where(bias.weight > 0.5, most_misfit(axes + 1, agents), most)
