@@ -265,6 +265,7 @@ class Filtering:
             rejoins=chosen.defaults > 13,
             cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
+            proves=trust.proves(scenario),
             undetermined=chosen.defaults > 13 and bending.undetermined(scenario, self.range_std, self.space.axes),
             sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes, mirrored=mirrored),
             anywhere=start.anywhere(scenario, self.motion, self.space),

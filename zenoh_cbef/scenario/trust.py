@@ -42,6 +42,11 @@ def presumes(scenario: Scenario) -> bool:
     return scenario.filter.defaults < 12 or real(scenario)
 
 
+def proves(scenario: Scenario) -> bool:
+    """Whether ranges of a fix that fit it prove its place, and a place that was lost needs proof: of real ranges."""
+    return scenario.filter.defaults > 15 and real(scenario)
+
+
 def lasts(scenario: Scenario) -> bool:
     """Whether errors of successive ranges may be alike, and agents learn how much: where ranges are recorded.
 

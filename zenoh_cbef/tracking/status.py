@@ -121,10 +121,13 @@ class Status:
     scarce: Floats
 
     @classmethod
-    def first(cls, count: int) -> Self:
-        """Before the first step of so many agents."""
+    def first(cls, count: int, *, proves: bool = False) -> Self:
+        """Before the first step of so many agents. proves: whether it is of ranges that fit, and not of doubtful ones.
+
+        A network of few agents has lost its target by so little doubt.
+        """
         none = np.zeros(count)
-        known = {"misfit": np.full(count, _BEGUN), "weight": np.full(count, _BEGUN)}
+        known = {"misfit": np.full(count, _BEGUN * (not proves)), "weight": np.full(count, _BEGUN)}
         known |= {"reference": np.full(count, np.inf), "own": np.full(count, DOUBT)}
         return cls(**{one.name: known.get(one.name, none) for one in fields(cls)})
 
@@ -138,9 +141,14 @@ class Status:
         """Whether the claimed error has grown so far that a filter may no longer linearise at its estimate, (n,)."""
         return np.asarray(self.spread > _ADRIFT * self.reference)
 
-    def anew(self, rows: Bools) -> Self:
-        """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first."""
-        begun = vars(type(self).first(len(rows))) | {"own": np.minimum(self.own, WRONG)}
+    def anew(self, rows: Bools, *, fitted: Floats | None = None) -> Self:
+        """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first.
+
+        fitted: (n,), so many ranges fit the place where they begin, which counts; None: none do, by earlier rules.
+        """
+        begun = vars(type(self).first(len(rows), proves=fitted is not None)) | {"own": np.minimum(self.own, WRONG)}
+        if fitted is not None:
+            begun |= {"heard": fitted, "own": np.full(len(rows), WRONG)}
         kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "latest", "unheard", "scarce")}
         return type(self)(**{name: np.where(rows, (begun | kept)[name], values) for name, values in vars(self).items()})
 
@@ -180,6 +188,7 @@ class Status:
         most: float | Floats | None = None,
         agents: int = 0,
         enough: Bools | None = None,
+        proves: bool = False,
     ) -> Self:
         """A step of dt (s) later.
 
@@ -188,6 +197,7 @@ class Status:
         network that has lost its target; None: by the first rules, where misfit is of ranges and not of agents.
         agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
         enough: (n,), whether enough agents have heard the target lately; None: agents do not count them.
+        proves: whether a place that was lost before it was proved has to be proved, too.
         """
         reference = np.minimum(spread, self.reference * np.exp(_LEARNED * heard / axes))
         steps = self.steps + 1.0
@@ -211,6 +221,8 @@ class Status:
         if (begins := early | (self.which == ACQUIRING)).nonzero()[0].size:
             known = proved if most is None else proved | lost
             which[begins & ~known | early] = ACQUIRING
+        if proves:
+            which[(self.which == LOST) & ~proved & ~lost] = ACQUIRING
         seconds[which != self.which] = 0.0
         return type(self)(
             *(which, seconds, steps, fitted, *sums, reference, spread),

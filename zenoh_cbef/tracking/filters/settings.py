@@ -93,6 +93,7 @@ class FilterSettings:
     rejoins: bool = True
     cut_off: int = 0
     presumes: bool = True
+    proves: bool = False
     undetermined: bool = False
     sides: bool = False
     anywhere: tuple[Floats, Floats] | None = None

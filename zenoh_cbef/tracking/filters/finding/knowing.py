@@ -51,7 +51,7 @@ class Knowing(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
         inner = belief.parts[0] if belief.parts else belief
-        status = Status.first(len(belief.state)) if belief.status is None else belief.status
+        status = Status.first(len(belief.state), proves=self.settings.proves) if belief.status is None else belief.status
         update = self.filter.update(inner, measurement)
         nis, degrees = update.diagnostics.nis, update.diagnostics.nis_degrees
         heard = np.isfinite(nis) & (degrees > 0)
@@ -106,6 +106,7 @@ class Knowing(Wrapping):
             most=most,
             agents=0 if settings.presumes else count,
             enough=hearers.count(hearing) > axes - 0.5 if settings.hearing else None,
+            proves=settings.proves,
         )
         if settings.undetermined:
             status = status.told(status.which == TRACKING, ACQUIRING, former, dt)

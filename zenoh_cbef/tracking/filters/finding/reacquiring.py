@@ -9,13 +9,15 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
-from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.finding.drifted import drifted
 from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.filters.finding.patience import gives_up, left_to_a_fix
+from zenoh_cbef.tracking.filters.finding.proving import fitting
 from zenoh_cbef.tracking.filters.finding.search import Search, decides
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import packed_size, predict, unchanged
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
@@ -74,6 +76,8 @@ class Reacquiring(Wrapping):
         """Around a filter that says its status. payload_size: of that filter."""
         guesses, ever = settings.guesses and (1, 1), np.iinfo(np.int64).max
         fix = FirstFix.of(settings, around, xi, payload_size)
+        if settings.proves:
+            fix = replace(fix, bias_std=0.0)
         squares = replace(fix, steps=ever, search=settings.anywhere, guesses=guesses, squared=ever)
         if settings.anywhere is None:
             raise ValueError("a filter that looks for its target again has to know where that may be")
@@ -89,8 +93,12 @@ class Reacquiring(Wrapping):
             step[:] = measurement.step
         if belief.bias is not None:
             # Without the bias of the ranges, as far as it is relied on.
-            distance, _ = own_range(self.settings.space, belief.state, measurement.position, np.zeros(len(step)))
+            # In a fix the belief is that, and the bias is of where the filter is; by earlier rules not told apart.
+            where = inner.state if self.settings.proves else belief.state
+            distance, _ = own_range(self.settings.space, where, measurement.position, np.zeros(len(step)))
             heard = replace(measurement, range=belief.bias.taken_off(measurement.range, distance))
+            if self.settings.proves:
+                heard = replace(heard, range_std=self._noise(belief.bias, search))
         if not idle:
             measurement = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
         update = self.filter.update(inner, measurement)
@@ -130,7 +138,8 @@ class Reacquiring(Wrapping):
             return replace(inner, memory=tuple(memory.values()), parts=(inner,))
         if search.fixing.nonzero()[0].size:
             search = self._concluded(search, payload, update, apart)
-        return self._turned(inner, search, before, wanted, apart)
+        fitted = np.where(apart, 0.0, self.settings.network_size * np.fmax(payload[:, -2], 0.0))
+        return self._turned(inner, search, before, wanted, apart, fitted)
 
     def _begun(self, belief: Belief) -> Search:
         (count, size), kept = belief.state.shape, 2 * self.window
@@ -141,6 +150,14 @@ class Reacquiring(Wrapping):
             *(belief.state, belief.known_covariance),
             *(*nowhere, *nowhere, nowhere[0]),
         )
+
+    def _noise(self, bias: Bias, search: Search) -> Floats:
+        """Standard deviation of ranges of which that bias was taken off, m, (n,), as a fix counts each of them."""
+        settings = self.settings
+        unknown = settings.common_bias_std**2 + settings.own_bias_std**2
+        left = bias.weight * bias.std**2 + (1.0 - bias.weight) * unknown
+        count = np.isfinite(search.ranges).sum(axis=1)
+        return np.asarray(np.sqrt(settings.range_std**2 + left * np.maximum(count, 1)))
 
     def _tag(self, search: Search, step: Floats, known: Status, heard: Bools, few: Bools | None) -> Floats:
         """What agents that are in no fix put into their payloads beside those of the filter, (n,)."""
@@ -164,8 +181,11 @@ class Reacquiring(Wrapping):
         belief = self._iterate(search)
         squared, refined = self.squares.update(belief, heard), self.refines.update(belief, heard)
         payload = _pick(search.doing == _SQUARED, squared.payload, payload)
-        payload = _pick(search.doing == _REFINED, refined.payload, payload)
+        payload = _pick(refines := search.doing == _REFINED, refined.payload, payload)
         prior, covariance, positions, ages, ranges, predicted = refined.kept
+        if self.settings.proves:
+            # Where the filter's payload ends there is room beside a fix on the ranges themselves.
+            payload[refines, -1] = fitting(self.refines, predicted, Seen(positions, ages, ranges))[refines]
         search = replace(search, prior=prior, prior_covariance=covariance, correction=predicted)
         # The oldest was for this fix alone: however agents of one batch go on, they keep as many.
         return payload, replace(search, positions=positions[:, 1:], ages=ages[:, 1:], ranges=ranges[:, 1:])
@@ -201,8 +221,10 @@ class Reacquiring(Wrapping):
         state, covariance = _pick(apart, ahead[0], state), _pick(apart, ahead[1], covariance)
         return replace(search, fix=state, fix_covariance=covariance, correction=state - search.correction)
 
-    def _turned(self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools) -> Belief:
-        """What agents say in this step, and do from the next one on."""
+    def _turned(
+        self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools, fitted: Floats
+    ) -> Belief:
+        """What agents say in this step, and do from the next one on. fitted: how many ranges fit a fix, (n,)."""
         former, fixing = Status(*before.kept), search.fixing
         status = inner.status or former
         settled = ~fixing & (status.which != ACQUIRING)
@@ -226,7 +248,8 @@ class Reacquiring(Wrapping):
         if done.any():
             inner = chosen(inner, moved(self.filter, inner, Belief(search.fix, search.fix_covariance)), done)
         # Adrift: what the filter makes of the first ranges after a long silence is not to be trusted.
-        status = status.anew(begins | fixing).told(adrift > 0.0, COASTING, former, self.settings.motion.dt)
+        proved = np.where(done, fitted, 0.0) if self.settings.proves else None
+        status = status.anew(begins | fixing, fitted=proved).told(adrift > 0.0, COASTING, former, self.settings.motion.dt)
         inner = replace(inner, status=status)
         state = _pick(fixing, search.fix, inner.state)
         covariance = _pick(fixing, search.fix_covariance, inner.known_covariance)
