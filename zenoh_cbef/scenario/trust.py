@@ -43,7 +43,7 @@ def presumes(scenario: Scenario) -> bool:
 
 
 def proves(scenario: Scenario) -> bool:
-    """Whether ranges of a fix that fit it prove its place, and a place that was lost needs proof: of real ranges."""
+    """Whether ranges that fit another fix prove it, and nothing less does: where ranges are real."""
     return scenario.filter.defaults > 15 and real(scenario)
 
 

@@ -41,12 +41,14 @@ class FilterSettings:
     whether all tell each other what they measured where ranges of one do not fit; rejoins: one
     that is wrong takes part again after two ranges that fit, or after many. cut_off: how many
     rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
-    agents presume that ranges fit and that all others are there until they know better. undetermined: whether their
+    agents presume that ranges fit and that all others are there until they know better. proves:
+    whether another fix has the ranges of its time for itself, knows what is known of biases, and is proved by the
+    ranges that fit it, and a target that was lost needs proof as one that was never found. undetermined: whether their
     places leave open where the target is, so that they never say that they track it. sides: whether they say so
     when they do not know on which side of them the target is. bias: none,
     estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; weighs_lasting:
-    whether the more, the less alike errors are; common_bias_std, own_bias_std: its
-    prior, m. scale_std: prior of the share by which all ranges may be too long, besides joint biases; 0: by none.
+    whether the more, the less alike errors are, and weighs_shares: a share of all ranges, too;
+    common_bias_std, own_bias_std: its prior, m. scale_std: prior of the share by which all ranges may be too long, besides joint biases; 0: by none.
     told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
     none is forgotten. joint_biases:
     whether agents estimate all biases together, which have no common part then. first_fix: over how many steps the
@@ -100,6 +102,7 @@ class FilterSettings:
     bias: str = "none"
     likelihoods: bool = True
     weighs_lasting: bool = False
+    weighs_shares: bool = False
     common_bias_std: float = 0.0
     own_bias_std: float = 0.0
     scale_std: float = 0.0

@@ -51,7 +51,7 @@ class Knowing(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
         inner = belief.parts[0] if belief.parts else belief
-        status = Status.first(len(belief.state), proves=self.settings.proves) if belief.status is None else belief.status
+        status = belief.status or Status.first(len(belief.state), proves=self.settings.proves)
         update = self.filter.update(inner, measurement)
         nis, degrees = update.diagnostics.nis, update.diagnostics.nis_degrees
         heard = np.isfinite(nis) & (degrees > 0)

@@ -100,7 +100,9 @@ class Reacquiring(Wrapping):
             if self.settings.proves:
                 heard = replace(heard, range_std=self._noise(belief.bias, search))
         if not idle:
-            measurement = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
+            # Where ranges are real and rare some agents may be adrift alone, and would go without any for long.
+            waits = (search.vote > 0.0) if self.settings.proves else (search.adrift > 0.0)
+            measurement = left_to_a_fix(self.settings, measurement, waits | search.fixing)
         update = self.filter.update(inner, measurement)
         tag, payload = self._tag(search, step, known, np.isfinite(heard.range), measurement.few), update.payload
         if idle or not (fixing := search.fixing).nonzero()[0].size:
@@ -139,7 +141,7 @@ class Reacquiring(Wrapping):
         if search.fixing.nonzero()[0].size:
             search = self._concluded(search, payload, update, apart)
         fitted = np.where(apart, 0.0, self.settings.network_size * np.fmax(payload[:, -2], 0.0))
-        return self._turned(inner, search, before, wanted, apart, fitted)
+        return self._turned(inner, search, before, wanted, apart, fitted=fitted)
 
     def _begun(self, belief: Belief) -> Search:
         (count, size), kept = belief.state.shape, 2 * self.window
@@ -222,7 +224,7 @@ class Reacquiring(Wrapping):
         return replace(search, fix=state, fix_covariance=covariance, correction=state - search.correction)
 
     def _turned(
-        self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools, fitted: Floats
+        self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools, *, fitted: Floats
     ) -> Belief:
         """What agents say in this step, and do from the next one on. fitted: how many ranges fit a fix, (n,)."""
         former, fixing = Status(*before.kept), search.fixing
@@ -249,7 +251,8 @@ class Reacquiring(Wrapping):
             inner = chosen(inner, moved(self.filter, inner, Belief(search.fix, search.fix_covariance)), done)
         # Adrift: what the filter makes of the first ranges after a long silence is not to be trusted.
         proved = np.where(done, fitted, 0.0) if self.settings.proves else None
-        status = status.anew(begins | fixing, fitted=proved).told(adrift > 0.0, COASTING, former, self.settings.motion.dt)
+        status = status.anew(begins | fixing, fitted=proved)
+        status = status.told(adrift > 0.0, COASTING, former, self.settings.motion.dt)
         inner = replace(inner, status=status)
         state = _pick(fixing, search.fix, inner.state)
         covariance = _pick(fixing, search.fix_covariance, inner.known_covariance)
