@@ -48,13 +48,13 @@ class FilterSettings:
     when they do not know on which side of them the target is. bias: none,
     estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; weighs_lasting:
     whether the more, the less alike errors are, and weighs_shares: a share of all ranges, too;
-    common_bias_std, own_bias_std: its prior, m. scale_std: prior of the share by which all ranges may be too long, besides joint biases; 0: by none.
-    told_biases: whether they are constant, and as large as told: a first fix says what it knows of them, and
-    none is forgotten. joint_biases:
-    whether agents estimate all biases together, which have no common part then. first_fix: over how many steps the
-    initial estimate, a guess, is improved by least squares on the first ranges; 0: it is none. squared_fix: how many of
-    these steps are on squared ranges. tries_guess: whether the guess is tried before the network searches. search:
-    where squared ranges look for the target, state (1, s) and covariance (1, s, s); None: around the guess. models: the
+    common_bias_std, own_bias_std: its prior, m. scale_std: prior of the share by which all ranges may be too long,
+    besides joint biases; 0: by none. told_biases: whether they are constant, and as large as told: a first fix says
+    what it knows of them, and none is forgotten. joint_biases: whether agents estimate all biases together, which
+    have no common part then. first_fix: over how many steps the initial estimate, a guess, is improved by least
+    squares on the first ranges; 0: it is none. squared_fix: how many of these steps are on squared ranges.
+    tries_guess: whether the guess is tried before the network searches. search: where squared ranges look for the
+    target, state (1, s) and covariance (1, s, s); None: around the guess. models: the
     motions between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
     probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
     whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:

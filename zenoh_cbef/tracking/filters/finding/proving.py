@@ -19,4 +19,4 @@ def fitting(fix: FirstFix, state: Floats, seen: Seen) -> Floats:
     ranges = Remembered.at(fix.space, state, seen)
     variance = fix.range_std**2 + fix.wandering.covariance(ranges.ages, ranges.ages)
     fits = ranges.measured & (ranges.innovation**2 < CUT * variance)
-    return fits.sum(axis=1).astype(np.float64)
+    return np.asarray(fits.sum(axis=1), dtype=np.float64)
