@@ -176,12 +176,12 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
 def recorded_acceleration(told: float | None, interval: float | None, *, defaults: int) -> float:
     """The acceleration, m/s^2, of a recorded target, for an interval of its ranges, s; told: what these tell.
 
-    One that seems calm may still turn, however rare its ranges are. By the fifteenth rules it was at least that of a
-    person, which is a hasty one where it lasts for a second.
+    One that seems calm may still turn, however rare its ranges are: as a person does now and then, and by half of a
+    person's acceleration at least. By the fifteenth rules it was all of that, which is hasty where it lasts for a second.
     """
     if interval is None or defaults < 16:
         return max(RECORDED_ACCELERATION, told or 0.0)
-    return max(float(np.sqrt(_RECORDED_POWER / interval)), told or 0.0)
+    return max(float(np.sqrt(_RECORDED_POWER / interval)), 0.5 * RECORDED_ACCELERATION, told or 0.0)
 
 
 def _begins_at_rest(scenario: Scenario) -> bool:
