@@ -213,5 +213,5 @@ def test_ranges_of_nothing_are_left_out_and_odd_times_and_columns_named(tmp_path
         said("time,anchor,range\n23:59:50,a,3\n23:59:51,b,4\n")
     with pytest.raises(UserError, match=r'--map "range=d_\*"'):
         said("t,d_n1,d_n2,d_n3\n0,1,2,3\n")
-    with pytest.raises(UserError, match="--map ranges.range=COLUMN$"):
+    with pytest.raises(UserError, match=r"--map ranges\.range=COLUMN$"):
         said("t,one,two\n0,1,2\n")

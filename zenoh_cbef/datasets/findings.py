@@ -21,7 +21,7 @@ _SELDOM, _OFTEN = 10.0, 1e-5
 """Intervals of an anchor's ranges, s, that are none of a receiver's."""
 _WORDS = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
 _NEAR, _IN_SPACE = 0.1, 4
-"""Anchors are near a plane that are less off it than this share of how far they reach along it; so many are in space."""
+"""Anchors are near a plane that are off it by less than this share of their extent along it; so many are in space."""
 _OFTEN_ALIKE = 10
 """So many ranges that are equal to the last digit, and the largest by far, are no ranges."""
 _WHOLE = 0.99

@@ -177,7 +177,7 @@ def recorded_acceleration(told: float | None, interval: float | None, *, default
     """The acceleration, m/s^2, of a recorded target, for an interval of its ranges, s; told: what these tell.
 
     One that seems calm may still turn, however rare its ranges are: as a person does now and then, and by half of a
-    person's acceleration at least. By the fifteenth rules it was all of that, which is hasty where it lasts for a second.
+    person's acceleration at least. By the fifteenth rules it was all of that, which is hasty if it lasts for a second.
     """
     if interval is None or defaults < 16:
         return max(RECORDED_ACCELERATION, told or 0.0)
