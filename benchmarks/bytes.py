@@ -35,7 +35,7 @@ CASES = {
 }
 QUIET = 0.1
 RECOMMENDED = "sicf, L = 8, int12, trigger 0.1"
-LOSSY = "sicf, L = 5, float32"
+LOSSY = "icf, L = 5, float32"
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,10 @@ Scores = Sequence[tuple[float, float, float, float]]
 class Kind:
     """Anchors (n, 3), a walk (speed m/s, area low and high, m), and what is wrong with the ranges.
 
-    rate: ranges of an anchor per second, least and most. std: of their noise, m. common: the bias of all anchors, own:
-    standard deviation of what each has besides, m. share: by which all ranges are too long. outliers: the share of ranges that are too long, and by how much
-    on average, m. height: the filter's planar height, m; None: it estimates three axes.
+    rate: ranges of an anchor per second, least and most. std: of their noise, m. common: the bias of all anchors,
+    own: standard deviation of what each has besides, m. share: by which all ranges are too long. outliers: the share
+    of ranges that are too long, and by how much on average, m. height: the filter's planar height, m; None: it
+    estimates three axes.
     """
 
     anchors: Callable[[np.random.Generator], Floats]

@@ -19,8 +19,23 @@ def writing(place: object, remedy: str = "choose another --output") -> Iterator[
         raise UserError(f"cannot write {place}: {error.strerror}; {remedy}") from None
 
 
-def refuse_overwriting(log: Path, remedy: str) -> None:
-    """Raise UserError, with the remedy, where a log is there already."""
+def refuse_no_folder(path: Path, remedy: str = "choose another --output") -> None:
+    """Raise UserError, with the remedy, where the folder that a file or folder is to stand in is not there."""
+    if not (folder := path.parent).is_dir():
+        why = f"{folder} is a file;" if folder.exists() else f"no folder {folder} is there; make it, or"
+        raise UserError(f"cannot write {path}: {why} {remedy}")
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder of results where it is not there. Raises UserError where it cannot be made."""
+    refuse_no_folder(folder)
+    with writing(folder):
+        folder.mkdir(exist_ok=True)
+
+
+def must_be_new(log: Path, remedy: str) -> None:
+    """Raise UserError, with the remedy, where a log is there already, or there is no folder for it."""
+    refuse_no_folder(log, remedy)
     if log.exists():
         raise UserError(f"{log} exists and logs are never overwritten; {remedy}")
 
@@ -35,10 +50,16 @@ def whole(output: Path) -> Iterator[Path]:
         yield fresh
 
 
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file, which is whole or not there. Raises UserError."""
+    with whole(path) as fresh:
+        fresh.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def replacing(output: Path) -> Iterator[Path]:
-    """As `whole`, for callers with a remedy of their own. Raises OSError."""
-    output.parent.mkdir(parents=True, exist_ok=True)
+    """As `whole`, for callers with a remedy of their own. Raises OSError, and UserError where there is no folder."""
+    refuse_no_folder(output)
     with tempfile.TemporaryDirectory(prefix=".export-", dir=output.parent) as folder:
         fresh = Path(folder) / output.name
         yield fresh

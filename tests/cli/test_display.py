@@ -1,11 +1,13 @@
 """What `run` says as it goes: whole on a narrow terminal, with more on a wide one; who is slow; how Ctrl-C counts."""
 
 import os
+import re
 import signal
 import sys
 
 import pytest
 
+from tests.log.made import made_log
 from tests.terminal import Terminal
 from zenoh_cbef.cli.calling.stops import StopRequests
 from zenoh_cbef.cli.run import _Display
@@ -23,6 +25,13 @@ with display.live:
     display.live.refresh()
     display.show(Status("mine", "run.mcap", 100000, True, 99998, 0.1234, 123456, 1234567, 7654321))
     display.live.refresh()
+"""
+
+OFTEN = """
+from zenoh_cbef.cli.calling.main import main
+from zenoh_cbef.cli.terminal import one_line
+one_line._OFTEN_SECONDS = 0.0
+main()
 """
 
 
@@ -81,3 +90,16 @@ def test_every_ctrl_c_of_a_run_is_counted_and_ends_nothing():
         os.kill(os.getpid(), signal.SIGTERM)
         assert stops() == 2
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "said"), [("verify {log}", "step 3 of 3 executed again"), ("check {log}", "reading")]
+)
+def test_a_verb_that_reads_a_log_says_so_on_a_terminal_and_takes_it_away(monkeypatch, tmp_path, words, said):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    log = made_log(tmp_path / "run.mcap", "steps=3")
+    with Terminal([sys.executable, "-c", OFTEN, *words.format(log=log).split()]) as screen:
+        assert screen.leave() == 0
+    assert said in screen.seen
+    assert re.search(r"\r(\x1b\[1A)?\x1b\[2?K", screen.seen)

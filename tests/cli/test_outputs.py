@@ -118,7 +118,8 @@ def test_a_named_folder_keeps_what_it_has_without_force(monkeypatch, capsys, wor
         ("compare ../logs/one -o x.npz", "must end with .csv for the rows or .html for the curves"),
         ("export ../logs/one -o x.txt", "must end with one of .npz, .csv, .parquet, .mcap, .rrd"),
         ("export ../logs/one --to csv -o x.npz", "a name for npz, but --to says csv"),
-        ("analyze ../logs/one -o x.html", "is no folder"),
+        ("analyze ../logs/one -o x.html", "looks like a file, and is to be a folder; name one, as x"),
+        ("figures ../logs/one -o ok.pdf", "looks like a file, and is to be a folder; name one, as ok"),
         ("export ../logs/one --to viz --force -o ../logs/one/run.mcap", "never overwritten"),
     ],
 )
@@ -152,11 +153,11 @@ def test_a_folder_that_cannot_be_written_into_costs_a_note_not_the_table(monkeyp
 
 @pytest.mark.usefixtures("place")
 def test_what_was_asked_for_and_cannot_be_written_is_a_mistake_after_the_table(monkeypatch, capsys):
-    Path("in-the-way").write_text("")
-    status, out, err = call(monkeypatch, capsys, "analyze", "../logs/one", "-o", "in-the-way/out")
+    Path("out/metrics.json").mkdir(parents=True)
+    status, out, err = call(monkeypatch, capsys, "analyze", "../logs/one", "-o", "out", "--force")
     assert status == 2
     assert "position RMSE" in out
-    assert "cannot write in-the-way/out/metrics.json: Not a directory" in err
+    assert "cannot write out/metrics.json: Is a directory" in err
     Path("../logs/one/timeline.html").mkdir()
     status, _, err = call(monkeypatch, capsys, "timeline", "../logs/one")
     assert status == 2
@@ -177,13 +178,11 @@ def test_a_figure_that_cannot_be_written_costs_neither_the_table_nor_the_report(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("sim tracking --set steps=3 -o in-the-way/out.npz", "position RMSE"),
         ("experiment small.toml -o out --force --jobs 1", "verdict met"),
         ("experiment small.toml -o out --force --jobs 1 --json", '"verdict": "met"'),
     ],
 )
 def test_what_was_computed_is_told_before_it_is_written(monkeypatch, capsys, words, told):
-    Path("in-the-way").write_text("")
     Path("out/results.csv").mkdir(parents=True)
     Path("small.toml").write_text("seeds = 1\n[set]\nsteps = 3\n")
     status, out, err = call(monkeypatch, capsys, *words.split())
@@ -209,6 +208,41 @@ def test_compare_leaves_out_what_is_no_log_and_names_it(monkeypatch, capsys, pla
     status, out, err = call(monkeypatch, capsys, "compare", str(logs / "README"), str(logs / "empty"))
     assert (status, out) == (2, "")
     assert "none of these is a log of a run" in err
+    status, out, err = call(monkeypatch, capsys, "compare", str(logs / "one"), "nope")
+    assert (status, out) == (2, "")
+    assert "there is no log nope" in err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "analyze {log} -o {place}/out",
+        "timeline {log} -o {place}/x.svg",
+        "export {log} -o {place}/x.npz",
+        "export {log} -o {place}/x.csv",
+        "export {log} --to dataset -o {place}/set",
+        "export {log} -o {place}/x.ros2",
+        "compare {log} -o {place}/x.csv",
+        "figures {log} -o {place}/paper",
+        "filter {log} -o {place}/x.mcap",
+        "reestimate {log} -o {place}/x.mcap",
+        "sim --set steps=2 -o {place}/x.npz",
+        "run --set steps=2 --log {place}/x.mcap",
+        "experiment loss -o {place}/out",
+        "import {log} -o {place}/out",
+        "dataset show lawnmower -o {place}/x.png",
+        "scenario new {place}/x.toml",
+    ],
+)
+def test_a_name_in_a_folder_that_is_not_there_is_refused_and_makes_none(monkeypatch, capsys, place, words):
+    before = files(place)
+    Path("file").write_text("")
+    for where, said in (("nope", "no folder nope is there; make it, or"), ("file", "file is a file; ")):
+        status, out, err = call(monkeypatch, capsys, *words.format(log="../logs/one", place=where).split())
+        assert (status, out) == (2, "")
+        assert said in err.splitlines()[-1]
+    assert not Path("nope").exists()
+    assert files(place) == before | {"work/file"}
 
 
 def test_analyze_says_where_its_report_is(monkeypatch, capsys, place):

@@ -14,6 +14,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests.cli.command_line import call
+from tests.log.hand_made import Maker
 from tests.within import within
 from zenoh_cbef.analysis.printed import Style, drawn
 from zenoh_cbef.analysis.typeset import FORMATS, latex, save
@@ -92,6 +93,11 @@ def test_runs_are_found_tagged_compared_and_deleted(folder: Path) -> None:
     assert names("--fault", "crash") == ["second"]
     assert names("--result", "unknown") == []  # its log says what came of it
     assert names("--result", "lost", "--scenario", "cbef") == ["first"]
+    Maker(folder / "logs" / "early.mcap").log.close({"status": "stopped"})
+    (folder / "logs" / "early").mkdir()
+    (folder / "logs" / "early.mcap").rename(folder / "logs" / "early" / "run.mcap")
+    assert names("--result", "stopped") == ["early"], "it was stopped before its first step"
+    shutil.rmtree(folder / "logs" / "early")
     assert (folder / "logs" / "first" / "metrics.json").exists()
     (folder / "empty").mkdir(exist_ok=True)
     nothing = within(folder / "empty", "runs", "list", "--filter", "foo")

@@ -33,7 +33,10 @@ def figures(graphs: list[str], centralized: dict[str, float] | None = None) -> l
         )
         for place, (kind, graph, fault) in enumerate(product(["sicf", "icf", "hcmci"], graphs, FAULTS))
     ]
-    words = {"filter.kind": "filter", "network.graph": "graph", "fault": "fault"}
+    return _figures_of(cells, {"filter.kind": "filter", "network.graph": "graph", "fault": "fault"})
+
+
+def _figures_of(cells: list[CellSummary], words: dict[str, str]) -> list[Figure]:
     return figures_of(
         Summary(
             experiment="three",
@@ -90,6 +93,24 @@ def test_points_of_one_category_stand_side_by_side_in_colours_of_their_own_with_
     [legend] = picture.legends
     assert axes.get_window_extent().height > picture.get_size_inches()[0] * picture.dpi * 0.4
     assert legend.get_window_extent().y1 < axes.get_window_extent().y0
+
+
+def test_faults_have_few_words_below_an_axis_and_a_large_error_hides_no_small_one():
+    def plot(faults: list[Json], errors: list[float]) -> Plot:
+        cells = [
+            CellSummary(place, {"fault": fault}, 2, 0, [], {"position_rmse": median_interval([error] * 2)}, {}, None)
+            for place, (fault, error) in enumerate(zip(faults, errors, strict=True))
+        ]
+        return plot_of(_figures_of(cells, {"fault": "fault"})[0])
+
+    crash: Json = [{"kind": "crash", "agents": [2], "from": 5.0}, {"kind": "loss", "probability": 0.5}]
+    far = plot([[], FAULTS[1], crash], [0.1, 0.12, 6.0])
+    assert far["data"][0]["x"] == ["none", "loss", "crash; loss"]
+    assert far["layout"]["yaxis"]["type"] == "log"
+    assert drawn(far).axes[0].get_yscale() == "log"
+    near = plot(FAULTS, [0.1, 0.12, 0.6])
+    assert near["data"][0]["x"] == ["none", "loss probability=0.1", "loss probability=0.3"]
+    assert near["layout"]["yaxis"]["type"] == "linear"
 
 
 def test_several_yardsticks_have_the_colours_of_what_they_are_beside():

@@ -8,6 +8,7 @@ from importlib.resources import files
 import pytest
 
 from zenoh_cbef.analysis.compare import write_comparison
+from zenoh_cbef.analysis.figures import COLOURS
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.report import write_report
 from zenoh_cbef.analysis.timeline import write_timeline
@@ -164,3 +165,8 @@ def test_a_picture_by_itself_is_dark_where_its_reader_is(tmp_path):
     write_timeline(empty, tmp_path / "a.svg")
     picture = (tmp_path / "a.svg").read_text(encoding="utf-8")
     assert STYLE.rstrip("\n") in picture
+
+
+def test_an_agent_has_one_colour_on_maps_and_in_figures():
+    text = files("zenoh_cbef.pages").joinpath("scene", "colours.js").read_text(encoding="utf-8")
+    assert tuple(re.findall(r"#[0-9A-F]{6}", text)) == COLOURS

@@ -43,6 +43,13 @@ def test_a_run_that_goes_on_is_heard_to_its_end(tmp_path: Path) -> None:
         assert one.covariance.shape == (6, 6)
 
 
+@pytest.mark.parametrize("wrong", [False, True, 3])
+def test_a_progress_that_is_no_function_is_a_sentence(tmp_path: Path, wrong: object) -> None:
+    with pytest.raises(zc.UserError, match=rf"progress = {wrong} is to be a function of the step"):
+        zc.run("tracking", log=tmp_path / "run.mcap", progress=wrong)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_run_that_is_not_there_is_a_sentence() -> None:
     with pytest.raises(zc.UserError, match="nothing-such"):
         next(zc.live("nothing-such", patience=0.2))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.conftest import settings
+from tests.processes.conftest import ended, settings
 from tests.waiting import until
 from zenoh_cbef.outside.registry import known_runs
 
@@ -49,6 +49,14 @@ def test_a_lab_that_is_killed_or_whose_starter_is_leaves_nothing_behind(world, m
         for pid in filter(is_there, started):
             os.kill(pid, signal.SIGKILL)
     assert not known_runs()
+
+
+def test_ctrl_c_is_how_a_lab_ends(world):
+    lab = world.start("lab", "--no-browser")
+    assert lab.stderr is not None
+    assert "Ctrl-C ends it" in lab.stderr.readline()
+    lab.send_signal(signal.SIGINT)
+    assert ended(lab) == ("", "")
 
 
 @pytest.mark.parametrize(

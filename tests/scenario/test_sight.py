@@ -49,6 +49,23 @@ def test_too_few_agents_and_flat_ones_are_warned_of(agents, height, words):
     assert all(("filter.planar_height" in warning) == (height is None) for warning in warnings)
 
 
+@pytest.mark.parametrize(
+    ("kept", "words"),
+    [
+        ({"consensus": {"rounds": 0}}, "consensus.rounds is 0, and ranges of 1 agent fit every point of a sphere"),
+        ({"filter": {"kind": "local"}}, "agents of local exchange nothing, and ranges of 1 agent fit every point"),
+        ({"agents": {"count": 6}, "filter": {"kind": "local", "measurement": "difference"}}, None),
+        ({"consensus": {"rounds": 0}, "filter": {"defaults": 15}}, "consensus.rounds is 0"),
+    ],
+)
+def test_agents_that_are_alone_are_warned_of_and_say_that_they_acquire(kept, words):
+    plan = Plan(scenario(**kept))
+    warnings = check(plan)
+    assert len(warnings) == (words is not None)
+    assert all(words in warning for warning in warnings)
+    assert plan.settings.undetermined == ("rounds is 0" in (words or "") and plan.scenario.filter.defaults > 15)
+
+
 def test_agents_whose_ways_vary_are_not_warned_of():
     ways = [[[0, 0, 0], [9, 0, 3], [9, 9, 0]], [[5, 0, 0], [5, 9, 9], [0, 0, 2]], [[0, 5, 9], [7, 7, 0], [0, 0, 0]]]
     assert check(Plan(scenario(agents={"count": 3, "motion": "waypoints", "waypoints": ways, "speed": 4.0}))) == []

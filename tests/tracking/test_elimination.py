@@ -84,8 +84,7 @@ def test_what_is_not_positive_definite_goes_the_way_of_the_library(size, count):
     batch[1] = 0.0
     assert BY_LIBRARY.if_definite(batch) is None
     assert BY_ELIMINATION.if_definite(batch) is None
-    with pytest.raises(np.linalg.LinAlgError):
-        BY_ELIMINATION.inverse(batch)
+    assert np.isnan(BY_ELIMINATION.inverse(batch)[1]).all()
 
 
 def test_larger_matrices_are_the_librarys():

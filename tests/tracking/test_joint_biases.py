@@ -166,3 +166,16 @@ def test_what_a_first_fix_tells_of_biases_is_carried_over_with_its_correlations(
     expected[7:, :6], expected[:6, 7:] = slope @ covariance, covariance @ slope.T
     expected[7:, 7:] = slope @ covariance @ slope.T + np.diag(given)
     np.testing.assert_allclose(found.known_covariance[0], expected, atol=1e-12)
+
+
+def test_an_agent_that_does_not_hear_of_all_in_its_first_step_begins_with_what_it_knew():
+    random = np.random.default_rng(3)
+    belief, measurement = begun(random), heard(random)
+    update = FILTER.update(belief, measurement)
+    halves = np.repeat(update.payload.reshape(2, 2, -1).mean(axis=1), 2, axis=0)
+    found = FILTER.conclude(halves, update)
+    state, covariance, _ = found.memory
+    expected, before, *_ = update.kept
+    np.testing.assert_allclose(state, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(covariance, before, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(covariance[:, 8, 8], [BETA**2, BETA**2, before[2, 8, 8], BETA**2])

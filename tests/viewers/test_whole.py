@@ -12,6 +12,7 @@ from zenoh_cbef.log.mcap.writer import McapWriter
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.viewers import arrays, viz
 from zenoh_cbef.viewers.scene import read_scene
+from zenoh_cbef.writing import write_whole
 
 
 @pytest.fixture(scope="module")
@@ -41,3 +42,12 @@ def test_a_full_disk_leaves_what_was_there(monkeypatch, tmp_path, log, kind, nam
         export[kind]()
     assert place.read_text() == "before"
     assert [one for one in tmp_path.rglob("*") if one.is_file()] == [place]
+
+
+def test_a_text_that_cannot_be_written_to_its_end_leaves_what_was_there(tmp_path):
+    place = tmp_path / "page.html"
+    write_whole(place, "before")
+    with pytest.raises(UnicodeEncodeError):
+        write_whole(place, "half of it, then \ud800")
+    assert place.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [place]

@@ -23,7 +23,7 @@ from zenoh_cbef.pages.parts import Figure, Plot, Table, number, plots_of
 from zenoh_cbef.pages.render import render
 from zenoh_cbef.plain import Json
 from zenoh_cbef.trace import Trace
-from zenoh_cbef.writing import writing
+from zenoh_cbef.writing import write_whole
 
 SMOOTHED = "smoothed.position_rmse"
 
@@ -134,8 +134,7 @@ def write_comparison(analyses: Sequence[Analysis], names: Sequence[str], path: P
         plots=plots_of(figures),
         plotly=plotly.get_plotlyjs(),
     )
-    with writing(path):
-        path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
 
 
 def table_of(rows: Sequence[Row]) -> Table:

@@ -151,7 +151,8 @@ def _facts(analysis: Analysis) -> tuple[dict[str, str], dict[str, str]]:
 def _fault(fault: Fault) -> str:
     when = f"from {fault.since:g} s" + (" on" if fault.until is None else f" to {fault.until:g} s")
     rest = fault.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude={"kind", "since", "until"})
-    return ", ".join([f"{fault.kind} {when}", *(f"{key} {value}" for key, value in rest.items())])
+    told = (key if value is True else f"{key} {value}" for key, value in rest.items())
+    return ", ".join([f"{fault.kind} {when}", *told])
 
 
 def errors_table(analysis: Analysis) -> Table:

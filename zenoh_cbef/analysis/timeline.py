@@ -13,7 +13,7 @@ from zenoh_cbef.pages.parts import Table
 from zenoh_cbef.pages.render import render
 from zenoh_cbef.trace import Exchange, Fortune, Passage
 from zenoh_cbef.words import counted
-from zenoh_cbef.writing import writing
+from zenoh_cbef.writing import write_whole
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 92.0, 28.0, 62.0, 96.0
 _ROUND_WIDTH, _NARROWEST, _WIDEST = 62.0, 820.0, 6000.0
@@ -41,8 +41,7 @@ _ARRIVE: frozenset[Fortune] = frozenset(("in time", "duplicated", "late"))
 def write_timeline(exchange: Exchange, path: Path) -> None:
     """Write the picture as .svg, or a page with it as .html. Raises UserError where it cannot be written."""
     text = timeline_svg(exchange) if path.suffix == ".svg" else timeline_html(exchange)
-    with writing(path):
-        path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
 
 
 def timeline_html(exchange: Exchange) -> str:

@@ -17,7 +17,7 @@ from zenoh_cbef.analysis.plots import time_plot
 from zenoh_cbef.analysis.printed import drawn
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.pages.parts import Table
-from zenoh_cbef.writing import replacing
+from zenoh_cbef.writing import make_folder, replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +43,7 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
     Raises MissingExtra where matplotlib is not installed.
     """
     from_extra("matplotlib", _WHAT)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     written = []
     innovation, *errors = paper_charts(analysis)
     claimed, *_ = error_charts(analysis)

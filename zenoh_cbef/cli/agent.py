@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from typing import Annotated
 
 import typer
@@ -13,6 +14,8 @@ from zenoh_cbef.cli.options.shared import Run
 from zenoh_cbef.nodes.agent.process import run_agent
 from zenoh_cbef.protocol.tls import common_name
 from zenoh_cbef.quantities import MOST_AGENTS
+
+_WORDS = {"joined": "is in run {run}, and waits for the others", "began": "is under way"}
 
 
 def _agent(
@@ -29,6 +32,8 @@ def _agent(
     def report(stage: str, step: int = 0) -> None:
         if status_json:
             typer.echo(json.dumps({"agent": agent, "stage": stage, "step": step}))
+        elif sys.stderr.isatty() and stage in _WORDS:
+            sys.stderr.write(f"agent {agent} {_WORDS[stage].format(run=run)}\n")
 
     connection = ctx.joining.connection(common_name("agent", str(agent)))
     last = run_agent(identity_of("agent", str(agent), run, connection, patience), report)

@@ -17,7 +17,7 @@ from zenoh_cbef.cli.options.places import beside, new_folder_of
 from zenoh_cbef.cli.options.shared import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.options.smoothing import smoothed
 from zenoh_cbef.cli.options.typesetting import AsTable
-from zenoh_cbef.cli.terminal.console import console, say, tell, tell_what_lacks
+from zenoh_cbef.cli.terminal.console import console, errors, say, tell, tell_what_lacks
 from zenoh_cbef.cli.terminal.results import metrics_table
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
@@ -46,8 +46,9 @@ def _analyze(
     own = output is None or output.resolve() == log.parent.resolve()
     if output is not None and not own:
         new_folder_of(output, [METRICS, *([REPORT, FIGURES] if report else [])], force=force)
-    trace = read_trace(*paths)
-    analysis = analyze([smoothed(trace, *paths) if smooth else trace], skip)[0]
+    with errors.status("reading and analysing"):
+        trace = read_trace(*paths)
+        analysis = analyze([smoothed(trace, *paths) if smooth else trace], skip)[0]
     failed: list[UserError] = []
     default = beside(log, METRICS)
     prefix = default.name.removesuffix(METRICS) if own else ""
@@ -62,7 +63,8 @@ def _analyze(
         folder = output or default.parent
         failed = write_outputs(analysis, folder, prefix, report=report, remedy="name another folder with --output")
         page = folder / f"{prefix}{REPORT}"
-        if report and page.exists() and not (as_json or as_table):
+        written = page.exists() and not any(str(page) in str(one) for one in failed)
+        if report and written and not (as_json or as_table):
             say(f"report  {page}")
     tell_what_lacks(notes(analysis.metrics))
     # An output that the user asked for and that cannot be written is a mistake; of the others a note is enough.

@@ -9,6 +9,7 @@ import typer
 
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.shared import AsJson, LogFile
+from zenoh_cbef.cli.terminal.console import errors
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.check import Findings, check
 from zenoh_cbef.log.tools.collection import GOES_ON
@@ -22,7 +23,8 @@ def _check(log: LogFile = Path("logs/latest"), as_json: AsJson = False) -> None:
 
     Exit status: 0 sound, 1 something is wrong, 2 cannot be judged.
     """
-    found = check(open_log(log))
+    with errors.status("reading"):
+        found = check(open_log(log))
     if as_json:
         names = ("messages", "damage", "missing", "gaps", "unheard", "wrong", "out_of_order", "unread")
         print(json.dumps({"sound": found.exit_status == 0, **{name: getattr(found, name) for name in names}}))

@@ -21,15 +21,16 @@ from zenoh_cbef.cli.options.places import new_file
 from zenoh_cbef.cli.options.shared import AsJson, Force, Skip, Smooth
 from zenoh_cbef.cli.options.smoothing import smoothed
 from zenoh_cbef.cli.options.typesetting import AsTable
-from zenoh_cbef.cli.terminal.console import console, tell, tell_what_lacks, warn
+from zenoh_cbef.cli.terminal.console import console, errors, tell, tell_what_lacks, warn
 from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
+from zenoh_cbef.log.common.naming import LOGS
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.log.tools.collection import expanded
 from zenoh_cbef.numbers import SKIPPED, number
 from zenoh_cbef.trace import Trace
-from zenoh_cbef.writing import writing
+from zenoh_cbef.writing import write_whole
 
 Logs = Annotated[
     list[Path],
@@ -67,11 +68,12 @@ def _compare(
     """Put logged runs side by side: errors, consistency, disagreement, bytes and losses, a row for each."""
     for path in output or ():
         new_file(path, {".csv": "for the rows", ".html": "for the curves"}, force=force)
-    paths, traces = _read(expanded(logs))
-    if smooth:
-        traces = [smoothed(trace, path) for trace, path in zip(traces, paths, strict=True)]
-    names = names_of(traces, paths)
-    analyses = [analyze([trace], skip)[0] for trace in traces]
+    with errors.status("reading and analysing"):
+        paths, traces = _read(expanded(logs))
+        if smooth:
+            traces = [smoothed(trace, path) for trace, path in zip(traces, paths, strict=True)]
+        names = names_of(traces, paths)
+        analyses = [analyze([trace], skip)[0] for trace in traces]
     rows = [row(one, name) for one, name in zip(analyses, names, strict=True)]
     for one, name in zip(analyses, names, strict=True):
         tell_what_lacks(notes(one.metrics), name)
@@ -88,12 +90,14 @@ def _compare(
         if path.suffix == ".html":
             write_comparison(analyses, names, path)
         else:
-            with writing(path):
-                path.write_text(_csv(rows), encoding="utf-8")
+            write_whole(path, _csv(rows))
 
 
 def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
-    """Read the logs. A file that is no log is named and left out. Raises UserError where none is left."""
+    """Read the logs. A file that is no log is named and left out, as `logs/*` may have some.
+
+    Raises UserError where a name leads nowhere, and where none is left.
+    """
     found: dict[Path, tuple[Path, Trace]] = {}
     refused: list[UserError] = []
     # logs/latest stands for the run that it leads to, which logs/* names, too.
@@ -103,6 +107,8 @@ def _read(logs: Sequence[Path]) -> tuple[list[Path], list[Trace]]:
             if not given.is_symlink() or path.resolve() not in {one.resolve() for one, _ in found.values()}:
                 found[given] = path, read_trace(path)
         except UserError as error:
+            if not (given.exists() or (LOGS / given).exists()):
+                raise
             refused.append(error)
     if not found:
         raise refused[0] if len(logs) == 1 else UserError("none of these is a log of a run; give runs' folders or logs")

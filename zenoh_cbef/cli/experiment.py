@@ -128,7 +128,7 @@ def _run(
         _tell_shard(sweep, _swept(sweep, folder), folder)
         return
     own = force or (folder / JOURNAL).exists()
-    folder = new_folder_of(folder, RESULTS, force=own)
+    folder = new_folder_of(folder, RESULTS, force=own, within=output is None)
     _conclude(written, sweep, _swept(sweep, folder), folder, printed)
 
 
@@ -148,7 +148,7 @@ def _join(
     sweep = Sweep(written.experiment, cells_of(written), skip)
     check_expectations(written, sweep.cells)
     folder = _own(output, written, force=force)
-    folder = new_folder_of(folder, RESULTS, force=force or bool(shards_in(folder)))
+    folder = new_folder_of(folder, RESULTS, force=force or bool(shards_in(folder)), within=output is None)
     _conclude(written, sweep, sweep.joined(folder), folder, printed)
 
 
@@ -256,7 +256,8 @@ def _tell(summary: Summary) -> None:
             say(said)
         if one.why:
             tell(f"{one.metric}: {one.why}")
-    say(f"verdict {summary.verdict}")
+    untold = summary.verdict == "met" and not summary.expect
+    say(f"verdict {summary.verdict}{', as the file has no [[expect]]' * untold}")
 
 
 def _short(varied: Sequence[str]) -> list[str]:

@@ -13,10 +13,11 @@ from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.places import DATASET, new_folder_of, new_place, stem_of
 from zenoh_cbef.cli.options.shared import Force, LogFile, Smooth
 from zenoh_cbef.cli.options.smoothing import smoothed
-from zenoh_cbef.cli.terminal.console import tell_what_lacks
+from zenoh_cbef.cli.terminal.console import errors, tell_what_lacks
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import find_log
 from zenoh_cbef.log.read.trace import read_trace
+from zenoh_cbef.trace import Trace
 from zenoh_cbef.viewers.arrays import export
 from zenoh_cbef.viewers.recording import write_recording
 from zenoh_cbef.viewers.rerun_file import write_rrd
@@ -72,16 +73,20 @@ def _export(
     if output is not None and output.exists() and output.samefile(found):
         raise UserError(f"{output} is the log itself, and logs are never overwritten; choose another --output")
     place = found.with_name(stem_of(found) + to.ending) if output is None else _place(output, to, force=force)
-    if to in _SCENES:
-        scene = read_scene(log, (lambda trace: smoothed(trace, log)) if smooth else None)
-        trace, paths = scene.trace, _SCENES[to](scene, place)
-    else:
-        trace = read_trace(log)
-        trace = smoothed(trace, log) if smooth else trace
-        paths = write_recording(trace, place) if to is Format.dataset else export(trace, place, to.value)
+    with errors.status("reading and writing"):
+        trace, paths = _written(log, to, place, smooth=smooth)
     tell_what_lacks(lacks(trace))
     for path in paths:
         typer.echo(path)
+
+
+def _written(log: Path, to: Format, place: Path, *, smooth: bool) -> tuple[Trace, list[Path]]:
+    if to in _SCENES:
+        scene = read_scene(log, (lambda trace: smoothed(trace, log)) if smooth else None)
+        return scene.trace, _SCENES[to](scene, place)
+    trace = read_trace(log)
+    trace = smoothed(trace, log) if smooth else trace
+    return trace, write_recording(trace, place) if to is Format.dataset else export(trace, place, to.value)
 
 
 def _place(output: Path, to: Format, *, force: bool) -> Path:

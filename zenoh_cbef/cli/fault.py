@@ -13,7 +13,7 @@ from zenoh_cbef.cli.options.asking import RunName, locate
 from zenoh_cbef.cli.options.completing import faults as kinds_begun
 from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext
 from zenoh_cbef.cli.options.shared import LONGEST_SECONDS, AsJson
-from zenoh_cbef.cli.terminal.console import console
+from zenoh_cbef.cli.terminal.console import console, warn
 from zenoh_cbef.cli.terminal.fitting import Fitting
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.operator import Operator
@@ -48,8 +48,9 @@ def _add(
     refuse_broken(kind, table)
     name, connection = locate(run, ctx.joining, order="inject the fault into it")
     with Operator(name, connection) as operator:
-        number, since = operator.inject(table, seconds)
-    typer.echo(f"fault {number} ({kind}) of run {name} begins at {since:.2f} s")
+        added = operator.inject(table, seconds)
+    typer.echo(f"fault {added['number']} ({kind}) of run {name} begins at {added['from']:.2f} s")
+    warn(added.get("warnings", ()))
 
 
 def _list(

@@ -19,7 +19,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.outside.fetching import fetch_logs
 from zenoh_cbef.protocol.log_service import Offer
 from zenoh_cbef.words import counted
-from zenoh_cbef.writing import refuse_overwriting
+from zenoh_cbef.writing import must_be_new
 
 
 class _Display:
@@ -60,7 +60,7 @@ def _fetch(
     joining = ctx.joining
     if not joining.connect and joining.config is None:
         raise UserError("fetch needs the recorders' endpoints, as in --connect tcp/192.0.2.2:7448, or their router's")
-    refuse_overwriting(output, "choose another name, or move it away")
+    must_be_new(output, "choose another name, or move it away")
     wanted = logs or (1 if joining.client else len(joining.connect or ())) or 1
     with (
         tempfile.TemporaryDirectory(prefix=".fetch-", dir=output.absolute().parent) as folder,

@@ -29,7 +29,7 @@ from zenoh_cbef.log.tools.collection import expanded
 from zenoh_cbef.numbers import SKIPPED
 from zenoh_cbef.pages.parts import Figure
 from zenoh_cbef.words import first_of, meant
-from zenoh_cbef.writing import writing
+from zenoh_cbef.writing import make_folder, writing
 
 Sources = Annotated[
     list[Path],
@@ -72,7 +72,7 @@ def _figures(
         command = shlex.join(["zenoh-cbef", *sys.argv[1:]])
         pictures = [(one, drawn(one.plot or {}, look)) for one in chosen]
         _check_labels(look)
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         for one, picture in pictures:
             for kind in kinds:
                 path = folder / f"{one.name}.{kind}"

@@ -9,7 +9,7 @@ import typer
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.choosing import LOSSY, nothing_matches, selection_of
 from zenoh_cbef.cli.options.shared import Compress, End, Exclude, Include, LogFile, NewLog, Start
-from zenoh_cbef.cli.terminal.console import tell, warn
+from zenoh_cbef.cli.terminal.console import errors, tell, warn
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.filtering import filter_log
 from zenoh_cbef.words import counted
@@ -29,7 +29,10 @@ def _filter(
     """Write messages of some topics or of a time range into a new log. Exit status 3 where not all could be read."""
     opened = open_log(log)
     selection = selection_of(opened, include, exclude, start, end)
-    count = filter_log(opened, output, selection, attachments=attachments, metadata=metadata, compression=compression)
+    with errors.status("copying"):
+        count = filter_log(
+            opened, output, selection, attachments=attachments, metadata=metadata, compression=compression
+        )
     if not count:
         tell(nothing_matches(log))
     warn(opened.damage)

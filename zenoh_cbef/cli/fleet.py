@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -15,8 +14,9 @@ from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.calling.stops import StopRequests
 from zenoh_cbef.cli.options.joining import Joining, JoiningCommand, JoiningContext, Patience, warn_of_exposure
 from zenoh_cbef.cli.options.shared import Run, Stay
-from zenoh_cbef.cli.terminal.console import errors, tell
+from zenoh_cbef.cli.terminal.console import tell
 from zenoh_cbef.cli.terminal.ids import ids_of, shortened
+from zenoh_cbef.cli.terminal.one_line import OneLine
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.launch.fleet import Fleet, Member, missing
@@ -25,20 +25,17 @@ from zenoh_cbef.protocol.addresses import parts
 from zenoh_cbef.protocol.shares import share_keys, share_name
 from zenoh_cbef.words import counted
 
-_TELL_SECONDS = 2.0
-
 
 class _Display:
     """One line on a terminal, else a line every few seconds in which something changed."""
 
     def __init__(self, fleet: Fleet) -> None:
-        self._fleet, self._members = fleet, fleet.members
-        self._said, self._due = "", 0.0
+        self._fleet, self._members, self._line = fleet, fleet.members, OneLine()
 
     def show(self) -> None:
         """Show how many of the processes are where, and what happened to some."""
         while self._fleet.news:
-            self.close()
+            self._line.close()
             tell(self._fleet.news.pop(0))
         counts = dict.fromkeys(("joined", "began", "ended"), 0)
         for member in self._members:
@@ -49,21 +46,11 @@ class _Display:
         lost = sum(bool(member.why) for member in self._members)
         words = f"{here}, {again} restarted" * bool(again) or here
         words += f", {lost} missing" if lost else ""
-        if words == self._said or time.monotonic() < self._due:
-            return
-        self._said = words
-        if errors.is_terminal:
-            errors.file.write(f"\r{words}\033[K")
-            errors.file.flush()
-        else:
-            tell(words)
-            self._due = time.monotonic() + _TELL_SECONDS
+        self._line.show(words)
 
     def close(self) -> None:
         """Leave the line."""
-        if errors.is_terminal and self._said:
-            errors.file.write("\r\033[K")
-        self._said = ""
+        self._line.close()
 
 
 def _fleet(

@@ -12,7 +12,7 @@ from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.choosing import LOSSY
 from zenoh_cbef.cli.options.completing import logs
 from zenoh_cbef.cli.options.shared import Compress, NewLog
-from zenoh_cbef.cli.terminal.console import warn
+from zenoh_cbef.cli.terminal.console import errors, warn
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.tools.merge import Clock, merge
@@ -41,7 +41,8 @@ def join(logs: Sequence[Path], output: Path, compression: Compress, names: Seque
     names: what the logs are called, where that is not the path.
     """
     opened = [open_log(path) for path in logs]
-    found = merge(opened, output, compression)
+    with errors.status("merging"):
+        found = merge(opened, output, compression)
     called = dict(zip([log.path for log in opened], names or map(str, logs), strict=True))
     damage = [f"{called[log.path]}: {sentence}" for log in opened for sentence in log.damage]
     warn(damage)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +15,7 @@ from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.joining import JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.options.shared import Run, Stay
 from zenoh_cbef.cli.terminal.console import tell
+from zenoh_cbef.cli.terminal.one_line import OneLine
 from zenoh_cbef.log.common.naming import free_path, left_active
 from zenoh_cbef.nodes.common.recording import Status
 from zenoh_cbef.nodes.recorder.process import run_recorder
@@ -46,15 +48,17 @@ def _record(
         if status_json:
             sys.stdout.write(json.dumps(asdict(status)) + "\n")
             sys.stdout.flush()
-        elif sys.stderr.isatty():
-            sys.stderr.write(f"\r{status.messages} messages, step {status.step} of {status.steps} ")
+        elif line.over:
+            line.show(f"step {status.step} of {status.steps}, {counted(status.messages, 'message')}")
 
     log = free_path(output)
     if log != output:
         tell(f"{left_active(output)} is there, of a recorder that was killed or still writes; this one writes {log}")
         tell(f"to join them, when both have ended: zenoh-cbef merge {output} {log} -o FILE")
     identity = identity_of("record", name, run, ctx.joining.connection("record"), patience)
-    last = run_recorder(identity, log, keys=keys or (), sync=sync, report=report, stay=stay, say=tell)
+    line = OneLine()
+    with closing(line):
+        last = run_recorder(identity, log, keys=keys or (), sync=sync, report=report, stay=stay, say=tell)
     if not status_json:
         typer.echo(f"{counted(last.messages, 'message')} in {log}, {last.missing} missing")
     if last.failure:

@@ -11,7 +11,7 @@ import typer
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.completing import logs
 from zenoh_cbef.cli.options.shared import Compress, NewLog
-from zenoh_cbef.cli.terminal.console import tell, warn
+from zenoh_cbef.cli.terminal.console import errors, tell, warn
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.read.parts import find_log, open_log
@@ -33,7 +33,8 @@ def _recover(log: Damaged, output: NewLog, compression: Compress = "zstd") -> No
     growing = False
     with suppress(UserError):  # of a damaged head no run can be told
         growing = source.name.endswith(ACTIVE) and goes_on(open_log(source))
-    found = recover(source, output, compression, growing=growing)
+    with errors.status("copying"):
+        found = recover(source, output, compression, growing=growing)
     if growing:
         tell(f"note: {GOES_ON}")
     warn(found.lost)

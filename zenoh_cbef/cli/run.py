@@ -44,7 +44,7 @@ from zenoh_cbef.protocol.tokens import in_words
 from zenoh_cbef.scenario.load import Loaded, load, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory, refuse_too_many_processes
 from zenoh_cbef.words import counted, first_of
-from zenoh_cbef.writing import refuse_overwriting
+from zenoh_cbef.writing import must_be_new
 
 _ROOMY = 130
 """From this width on a terminal has room for all that is known of a run as it goes."""
@@ -164,7 +164,7 @@ def run_processes(
     warn_of_exposure(Connection(listen=loaded.scenario.zenoh.listen))
     require(links=loaded.scenario.count + 1, processes=loaded.scenario.count + 2)
     with place_of_log(run, log) as path, StopRequests() as stops:
-        refuse_overwriting(path, "choose another --log, or move it away")
+        must_be_new(path, "choose another --log, or move it away")
         name = path.parent.name if log is None else run
         if name != run:
             tell(f"note: logs/{run} exists; this run is {name!r}, for other verbs too")

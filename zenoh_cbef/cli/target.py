@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +14,7 @@ import typer
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.joining import Joining, JoiningCommand, JoiningContext, Patience, identity_of
 from zenoh_cbef.cli.options.shared import Overrides, ScenarioName
+from zenoh_cbef.cli.terminal.one_line import OneLine
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.measurements import read_measurements
 from zenoh_cbef.nodes.target.process import run_target
@@ -37,6 +40,14 @@ def _connection(joining: Joining, zenoh: Zenoh) -> Connection:
     ).connection("target")
     listen = connection.listen or (() if connection.mode == "client" else (connection.loopback(PORT),))
     return replace(connection, listen=listen, multicast=zenoh.multicast)
+
+
+def _begun(line: OneLine, words: str, connection: Connection) -> Callable[[str], None] | None:
+    """On a terminal say where the run is; returns what shows on it how far that is."""
+    if not line.over:
+        return None
+    sys.stderr.write(f"{words} {', '.join(connection.listen or connection.connect)}\n")
+    return line.show
 
 
 def _target(
@@ -83,11 +94,10 @@ def _target(
     name = run or loaded.scenario.name
     connection = _connection(ctx.joining, loaded.scenario.zenoh)
     identity = identity_of("target", "target", name, connection, patience)
-    if sys.stderr.isatty():
-        places = ", ".join(connection.listen or connection.connect)
-        sys.stderr.write(f"run {name}: waiting for {counted(loaded.scenario.count, 'agent')} on {places}\n")
-    last = run_target(identity, loaded, world, receivers=receivers, wait_for=wait_for)
-    typer.echo(f"the target ended after step {last}")
+    with closing(OneLine()) as line:
+        report = _begun(line, f"run {name}: {counted(loaded.scenario.count, 'agent')} to come to", connection)
+        last = run_target(identity, loaded, world, receivers=receivers, wait_for=wait_for, report=report)
+    typer.echo("the target ended " + (f"after step {last}" if last else f"before run {name} had begun"))
 
 
 VERB = verb(_target, "target tracking --run mine --listen tcp/192.0.2.1:7447", JoiningCommand)

@@ -11,7 +11,7 @@ from zenoh_cbef.analysis.timeline import write_timeline
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.places import beside, new_file
 from zenoh_cbef.cli.options.shared import LONGEST_SECONDS, Force, LogFile
-from zenoh_cbef.cli.terminal.console import tell
+from zenoh_cbef.cli.terminal.console import errors, tell
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.read.exchange import read_exchange
 from zenoh_cbef.log.read.parts import find_log
@@ -55,8 +55,9 @@ def _timeline(
     if since is not None and until is not None and since >= until:
         raise UserError(f"--from {since:g} is not before --until {until:g}; swap them")
     chosen = None if steps is None else _steps(steps)
-    exchange = read_exchange(log, steps=chosen, since=since, until=until)
-    write_timeline(exchange, picture)
+    with errors.status("reading and drawing"):
+        exchange = read_exchange(log, steps=chosen, since=since, until=until)
+        write_timeline(exchange, picture)
     for note in exchange.notes:
         tell(f"note: {note}")
     typer.echo(picture)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ import typer
 
 from zenoh_cbef.cli.calling.offer import verb
 from zenoh_cbef.cli.options.shared import LogFile
+from zenoh_cbef.cli.terminal.one_line import OneLine
 from zenoh_cbef.log.prove.verify import verify
 
 Tolerance = Annotated[
@@ -21,7 +23,8 @@ def _verify(log: LogFile = Path("logs/latest"), tolerance: Tolerance = 0.0) -> N
 
     Exit status: 0 equal, 1 different (the first difference is shown), 2 cannot be judged.
     """
-    verdict = verify(log, tolerance=tolerance)
+    with closing(OneLine()) as line:
+        verdict = verify(log, tolerance=tolerance, report=line.show if line.over else lambda _: None)
     typer.echo(verdict.text if verdict.result != "unknown" else f"cannot be judged: {verdict.text}")
     raise typer.Exit(verdict.exit_status)
 

@@ -13,7 +13,7 @@ from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.table import COLUMNS, Table, read_table
 from zenoh_cbef.datasets.units import clash_of_units
 from zenoh_cbef.errors import UserError
-from zenoh_cbef.writing import whole, writing
+from zenoh_cbef.writing import make_folder, whole, writing
 
 
 def read_dataset(folder: Path) -> Dataset:
@@ -71,6 +71,7 @@ def write_dataset(dataset: Dataset, folder: Path) -> list[Path]:
         known = zip(dataset.truth_time.tolist(), dataset.truth.tolist(), strict=True)
         tables["truth"] = [(time, *row) for time, row in known]
     files = [folder / f"{name}.csv" for name in tables]
+    make_folder(folder)
     with writing(folder), ExitStack() as last:
         fresh = [last.enter_context(whole(file)) for file in files]
         for file, (name, rows) in zip(fresh, tables.items(), strict=True):

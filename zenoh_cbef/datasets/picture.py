@@ -10,6 +10,7 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import fixes
 from zenoh_cbef.extras import from_extra
+from zenoh_cbef.writing import whole
 
 _SHARE = 5.0
 """Per cent of the fixes that may lie beyond the picture, at each side: one far off would leave the rest a dot."""
@@ -45,6 +46,6 @@ def draw(dataset: Dataset, path: Path) -> Path:
     axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.grid(visible=True, color="0.9")
     axes.legend(fontsize="small")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=120)
+    with whole(path) as fresh:
+        figure.savefig(fresh, dpi=120)
     return path

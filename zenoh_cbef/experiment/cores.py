@@ -60,9 +60,10 @@ def spread(
     few = min(workers(jobs), len(work)) <= 1
     joblib = None if dask is None and few else _joblib(tell, required=dask is not None)
     if joblib is None:
-        yield from map(do, work)
+        with _ended_by_a_request():
+            yield from map(do, work)
         return
-    with _back_end(joblib, dask):
+    with _ended_by_a_request(), _back_end(joblib, dask):
         number = workers(jobs) if dask is None else -1
         parallel = joblib.Parallel(n_jobs=number, return_as="generator_unordered", batch_size=1)
         yield from _results(parallel, [joblib.delayed(do)(one) for one in work])
@@ -93,6 +94,19 @@ def _results(parallel: Callable[[list[object]], Generator[Found]], tasks: list[o
         with closing(parallel(tasks)) as results:
             stack.close()
             yield from results
+
+
+@contextmanager
+def _ended_by_a_request() -> Iterator[None]:
+    """Let SIGTERM do what Ctrl-C does: joblib, if its process just died of it, would complain of what it left."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def let_joblib_drop_work() -> None:

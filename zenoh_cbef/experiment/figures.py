@@ -20,6 +20,8 @@ Cells = Sequence[CellSummary]
 _MOST_LINES = 8
 """More of them cannot be told apart: a map takes their place."""
 _MOST_CURVES = 12
+_SPAN, _SPAN_OF_RESULTS = 100.0, 30.0
+"""From how many times the least value on the largest one gets a logarithmic scale."""
 _CURVES = (
     ("position_error", "position error (m)", "How fast do errors settle, and recover?"),
     ("disagreement", "disagreement (m)", "How fast do the agents come to agree?"),
@@ -89,17 +91,31 @@ def _numbers(values: Sequence[Json]) -> list[float]:
     return found if len(found) == len(values) else []
 
 
+def _scale(numbers: Sequence[float], most: float = _SPAN) -> str:
+    """The scale on which numbers can be told apart: logarithmic where the largest is too many times the least."""
+    return "log" if numbers and min(numbers) > 0 and max(numbers) >= most * min(numbers) else "linear"
+
+
 def _axis(values: Sequence[Json], words: str) -> Plot:
-    """Choose an axis: numbers to scale (logarithmic where they span more than two decades), the rest in order."""
+    """Choose an axis: numbers to scale, the rest in order."""
     axis: Plot = {"title": {"text": escape(words)}}
     numbers = _numbers(values)
-    if not numbers:
-        return axis | {"type": "category"}
-    return axis | {"type": "log" if min(numbers) > 0 and max(numbers) >= 100 * min(numbers) else "linear"}
+    return axis | ({"type": _scale(numbers)} if numbers else {"type": "category", "automargin": True})
 
 
 def _places(values: Sequence[Json]) -> Sequence[float | str]:
-    return _numbers(values) or [escape(written_value(value)) for value in values]
+    return _numbers(values) or list(map(escape, _names(values)))
+
+
+def _names(values: Sequence[Json]) -> list[str]:
+    """The values in words that fit below an axis: faults by their kinds alone, where these tell them apart."""
+    whole, short = list(map(written_value, values)), list(map(_kinds, values))
+    return short if len(set(short)) == len(set(whole)) else whole
+
+
+def _kinds(value: Json) -> str:
+    tables = [one for one in value if isinstance(one, Mapping)] if isinstance(value, list | tuple) else []
+    return "; ".join(str(one.get("kind")) for one in tables) or written_value(value)
 
 
 def _lines(summary: Summary, measured: Measured) -> Plot:
@@ -107,6 +123,8 @@ def _lines(summary: Summary, measured: Measured) -> Plot:
     cells, metric, words, yardsticks = summary.cells, measured.metric, summary.words, measured.yardsticks
     first, *others = summary.varied
     line = "lines+" if _numbers([cell.values[first] for cell in cells]) else ""
+    values = [cell.values[first] for cell in cells]
+    places = dict(zip((cell.cell for cell in cells), _places(values), strict=True))
     groups: dict[str, list[CellSummary]] = {}
     for cell in cells:
         name = cell_words({key: cell.values[key] for key in others}, words) if others else ""
@@ -116,17 +134,14 @@ def _lines(summary: Summary, measured: Measured) -> Plot:
         colour, dash = agent_style(place)
         known = [cell for cell in members if metric in cell.metrics]
         found = [cell.metrics[metric] for cell in known]
-        error = {
-            "type": "data",
-            "array": [one.high - one.median for one in found],
-            "arrayminus": [one.median - one.low for one in found],
-        }
+        above, below = [one.high - one.median for one in found], [one.median - one.low for one in found]
+        error = {"type": "data", "array": above, "arrayminus": below}
         lines.append(
             {
                 "type": "scatter",
                 "mode": f"{line}markers",
                 "name": escape(name) or "network",
-                "x": _places([cell.values[first] for cell in known]),
+                "x": [places[cell.cell] for cell in known],
                 "y": [one.median for one in found],
                 "error_y": error,
                 "line": {"color": colour, "dash": dash},
@@ -145,8 +160,9 @@ def _lines(summary: Summary, measured: Measured) -> Plot:
         tone, role = (INK, "ink") if len(groups) == 1 else (MUTED, "muted")
         alone[0] |= {"name": yardsticks[0][1], "meta": role, "line": alone[0]["line"] | {"color": tone}}
     lines.sort(key=lambda line: "error_y" not in line)
-    values = [cell.values[first] for cell in cells]
     layout = _layout(_axis(values, words[first]), measured.words)
+    shown = [value for line in lines for value in line["y"] if value is not None]
+    layout["yaxis"]["type"] = _scale(shown, _SPAN_OF_RESULTS)
     return {"data": lines, "layout": layout if line else layout | {"scattermode": "group"}}
 
 
@@ -154,9 +170,8 @@ def _heat_map(summary: Summary, measured: Measured) -> Plot:
     cells, title = summary.cells, measured.words
     across, *along = summary.varied
     rows: dict[str, dict[str, float | None]] = {}
-    for cell in cells:
-        row = rows.setdefault(_row(cell, summary.varied), {})
-        row[written_value(cell.values[across])] = _median(cell, measured.metric)
+    for cell, name in zip(cells, _names([cell.values[across] for cell in cells]), strict=True):
+        rows.setdefault(_row(cell, summary.varied), {})[name] = _median(cell, measured.metric)
     columns = list(dict.fromkeys(name for row in rows.values() for name in row))
     heat = {
         "type": "heatmap",
@@ -167,7 +182,7 @@ def _heat_map(summary: Summary, measured: Measured) -> Plot:
         "colorbar": {"title": {"text": title, "side": "right"}},
         "texttemplate": "%{z:.3g}",
     }
-    axis = {"title": {"text": escape(summary.words[across])}, "type": "category"}
+    axis = {"title": {"text": escape(summary.words[across])}, "type": "category", "automargin": True}
     layout = _layout(axis, escape(", ".join(summary.words[key] for key in along)))
     layout["yaxis"] |= {"type": "category", "automargin": True}
     return {"data": [heat], "layout": layout}

@@ -74,7 +74,8 @@ class Fault(BaseModel):
     """A fault that is on while `from` <= time < `until` (s, run time).
 
     A fault of another package has its own keys in a model of its own, in a field `options`. plugin: that package, its
-    version and a hash of its source; None: as they are on this host.
+    version and a hash of its source; None: as they are on this host. injected: whether agents decided without it how
+    they track, as those of a run do into which it is injected.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
@@ -83,6 +84,7 @@ class Fault(BaseModel):
     since: Seconds = Field(default=0.0, alias="from")
     until: Seconds | None = None
     plugin: str | None = None
+    injected: bool = False
 
     def active(self, time: float) -> bool:
         """Whether the fault is on at a run time (s)."""

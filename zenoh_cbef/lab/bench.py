@@ -89,9 +89,9 @@ class Bench:
 
     def inject(self, fault: Mapping[str, object], seconds: float | None) -> dict[str, object]:
         """Inject a fault into the run. Raises UserError."""
-        number, since = self._opened().orders.inject(fault, seconds)
-        self._given.append(number)
-        return {"fault": number, "from": since}
+        added = self._opened().orders.inject(fault, seconds)
+        self._given.append(added["number"])
+        return {"fault": added["number"], "from": added["from"], "warnings": added.get("warnings", [])}
 
     def undo(self) -> dict[str, object]:
         """End the fault that was injected last. Raises UserError."""

@@ -137,8 +137,9 @@ class Serving:
         self._server: Any = uvicorn.Server(uvicorn.Config(app, log_level="error", **limits))
 
     def run(self, listening: socket.socket) -> None:
-        """Serve until Ctrl-C, or `stop`."""
-        self._server.run(sockets=[listening])
+        """Serve until Ctrl-C, or `stop`: both are a good end."""
+        with contextlib.suppress(KeyboardInterrupt):
+            self._server.run(sockets=[listening])
 
     def stop(self) -> None:
         """Make `run` return, from another thread."""

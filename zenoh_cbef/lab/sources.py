@@ -13,7 +13,7 @@ from zenoh_cbef.lab.listening import Listener
 from zenoh_cbef.lab.scene import Scene
 from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.recording import filling_recording
-from zenoh_cbef.protocol.questions import Holding
+from zenoh_cbef.protocol.questions import Added, Holding
 from zenoh_cbef.protocol.session import Connection
 
 _KINDS = ("truth", "estimate", "event", "faults")
@@ -37,7 +37,7 @@ LIVE = frozenset({"goes on", "is out of reach"})
 class _Past:
     """Takes no orders."""
 
-    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:  # noqa: ARG002
+    def inject(self, fault: Mapping[str, object], seconds: float | None) -> Added:  # noqa: ARG002
         """Refuse."""
         raise UserError("this is a log; start a run to inject faults into it")
 

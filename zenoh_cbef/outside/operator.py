@@ -21,6 +21,7 @@ from zenoh_cbef.protocol.questions import (
     LIST,
     STATUS,
     STOP,
+    Added,
     Answer,
     Holding,
     InjectedTable,
@@ -98,10 +99,9 @@ class Operator:
         """Let a run in lockstep stand still after so many more steps, or rounds of a step, or go on."""
         return self._ask(HOLD, on=on, steps=steps, rounds=rounds)
 
-    def inject(self, fault: Mapping[str, object], seconds: float | None) -> tuple[int, float]:
-        """Inject a fault for so many s, or for good. Returns its number and when it begins (run time, s)."""
-        told = self._ask(ADD, fault=json.dumps(fault), seconds=seconds)
-        return told["number"], told["from"]
+    def inject(self, fault: Mapping[str, object], seconds: float | None) -> Added:
+        """Inject a fault for so many s, or for good."""
+        return self._ask(ADD, fault=json.dumps(fault), seconds=seconds)
 
     def injected(self) -> list[InjectedFault]:
         """The faults that were injected."""

@@ -116,8 +116,8 @@ class Holding(TypedDict):
     round: NotRequired[_StepOrNil]
 
 
-Added = TypedDict("Added", {"number": Count, "from": _Time})
-"""The number of an injected fault, and the run time at which it begins, s."""
+Added = TypedDict("Added", {"number": Count, "from": _Time, "warnings": NotRequired[Texts]})
+"""The number of an injected fault, the run time at which it begins, s, and what is likely a mistake about it."""
 
 
 class Cleared(TypedDict):

@@ -51,8 +51,12 @@ def mirrored(scenario: Scenario, range_std: float, axes: int) -> bool:
 
 
 def undetermined(scenario: Scenario, range_std: float, axes: int) -> bool:
-    """Whether agents rest so that ranges fit more than a place and its mirror image, as on one line in space."""
-    return scenario.agents.motion == "static" and _left_open(scenario, range_std, axes) > MIRRORED
+    """Whether agents rest so that ranges fit more than a place and its mirror image, as on one line in space.
+
+    So do those of an agent that is alone, as without rounds each is.
+    """
+    alone = not scenario.consensus.rounds and scenario.filter.defaults > 15
+    return scenario.agents.motion == "static" and (alone or _left_open(scenario, range_std, axes) > MIRRORED)
 
 
 def _left_open(scenario: Scenario, range_std: float, axes: int) -> int:

@@ -27,71 +27,77 @@ class Model(Table):
 
 
 class Filter(Table):
-    """The estimation filter and its settings. None: the value follows from target and sensor.
-
-    defaults: the rules by which 'auto' and None decide: 15 today's, 1 those of version 0.2.0 and before it. Logs hold
-    'auto' as such, so a change of what it means is a new number here, and old logs keep theirs (see legacy.py).
-    xi: cbef saturates at this size of the whole innovation (m^2), cbef-scaled likewise (m), the others at this many
-    standard deviations; auto: 2 where saturation redescends, otherwise 1.5. saturation auto: redescending where ranges
-    are real, the scenario's sensor has outliers, or a first fix finds a target whose motion is ncv. distrust auto: on
-    where ranges are real or receivers have faults.
-    membership: agents tell each other who is there, and a group that is cut off counts its ranges once; auto: where
-    faults cut links, agents hear each other by radio, or they isolate liars, and there are at most twelve.
-    omega: hcmci multiplies averaged measurements by it; None: the number of agents.
-    measurement: the agent's own range, or differences with its neighbours', as cbef and cbef-scaled always have.
-    motion: a model of tracking/motion; auto: it follows from the target. velocity_time: time constant of decay, s.
-    turn_rate_std: of a turn's rate at first, rad/s; turn_rate_change: the share of it by which the rate changes in a
-    step, None: by turn_rate_std in a second. models: those of imm, the most agile one last; none: straight on, a turn,
-    and two that are agile, of which agile is the last. switching: the probability that the target leaves its model in a
-    step.
-    acceleration_interval: how long a random acceleration lasts, s; None: one step, or for recorded ranges their own
-    interval. bias_common_std, bias_own_std: prior of the network's and of the agents' own part of the bias, m; None:
-    1.5 and 0.15 of range_std, the latter at least sensor.bias_std.
-    lag_seconds: agents also publish smoothed estimates of so long ago; 0: they do not.
-    start auto: with a first fix, for filters that can. given: at the initial estimate.
-    status: agents of filters that average information say whether they acquire, track, coast, or have lost the target.
-    status_rules: 1: lost where most ranges do not fit. 2: where agents whose ranges fit are too few to prove the place,
-    and only agents that hear ranges vote for another fix.
-    linearise: ranges before they are averaged, each agent its own at its own prior, or their average, of squares, after
-    that; auto: after, for filters that can, where priors may be wide.
-    options: of a kind of another package, as its own model has them. plugin: that package, its version and a hash of
-    its source; None: as they are on this host.
-    reacquire: a network that was silent for long, or has lost its target, looks for it by another fix.
-    """
+    """The estimation filter and its settings. None: the value follows from target and sensor."""
 
     kind: str = "sicf"
     defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16] = 16
+    """The rules by which `auto` and None decide, 1 those of version 0.2.0 and before it.
+
+    Logs hold `auto` as such, so a change of what it means is a new number, and old logs keep theirs (see legacy.py).
+    """
     options: Options = None
+    """Of a kind of another package, as its own model has them."""
     plugin: str | None = None
+    """That package, its version and a hash of its source; None: as they are on this host."""
     xi: Annotated[Factor | Literal["auto"], Field(description="a number from 1e-06 to 1e+12, or 'auto'")] = "auto"
+    """`cbef` saturates at this size of the whole innovation (m^2), `cbef-scaled` likewise (m), the others at this many
+    standard deviations; auto: 2 where saturation redescends, otherwise 1.5."""
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
+    """auto: redescending where ranges are real, the scenario's sensor has outliers, or a first fix finds a target whose
+    motion is ncv."""
     recovery: bool = False
     distrust: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
+    """auto: on where ranges are real or receivers have faults."""
     membership: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
+    """Whether agents tell each other who is there, and a group that is cut off counts its ranges once; auto: where
+    faults cut links, agents hear each other by radio, or they isolate liars, and there are at most twelve."""
     omega: Factor | None = None
+    """`hcmci` multiplies averaged measurements by it; None: the number of agents."""
     measurement: Literal["range", "difference"] = "range"
+    """The agent's own range, or differences with its neighbours', as `cbef` and `cbef-scaled` always have."""
+
     motion: str = "auto"
+    """A model of tracking/motion; auto: it follows from the target."""
     acceleration_std: Acceleration | None = None
     acceleration_interval: Duration | None = None
+    """How long a random acceleration lasts, s; None: one step, or for recorded ranges their own interval."""
     velocity_time: Duration = 10.0
+    """Time constant of `decay`, s."""
     turn_rate_std: Rate = 1.0
+    """Of a turn's rate at first, rad/s."""
     turn_rate_change: Factor | None = 0.01
+    """The share of it by which the rate changes in a step; None: by turn_rate_std in a second."""
     models: tuple[Model, ...] = ()
+    """Those of `imm`, the most agile one last; none: straight on, a turn, and two that are agile."""
     agile: Literal["jump", "ncv"] = "jump"
+    """The last of these."""
     switching: Annotated[Chance | Literal["auto"], Field(description="a number from 0 to 1, or 'auto'")] = "auto"
+    """The probability that the target leaves its model in a step."""
+
     range_std: Annotated[Length | Literal["auto"] | None, Field(description="a number from 1e-9 to 1e7, or 'auto'")] = (
         None
     )
     bias: Literal["none", "estimate", "auto"] = "auto"
     bias_common_std: Length | None = None
+    """Prior of the network's part of the bias, m; None: 1.5 of range_std."""
     bias_own_std: Spread | None = None
+    """Prior of the agents' own parts, m; None: 0.15 of range_std, and at least sensor.bias_std."""
+
     start: Literal["auto", "given"] = "auto"
+    """auto: with a first fix, for filters that can; given: at the initial estimate."""
     status: bool = True
+    """Whether agents of filters that average information say if they acquire, track, coast, or have lost the target."""
     status_rules: Literal[1, 2] = 2
+    """1: lost where most ranges do not fit. 2: where agents whose ranges fit are too few to prove the place, and only
+    agents that hear ranges vote for another fix."""
     linearise: Literal["auto", "before", "after"] = "auto"
+    """Ranges before they are averaged, each agent its own at its own prior, or their average, of squares, after that;
+    auto: after, for filters that can, where priors may be wide."""
     reacquire: bool = True
+    """Whether a network that was silent for long, or has lost its target, looks for it by another fix."""
     planar_height: Metres | None = None
     lag_seconds: Seconds = 0.0
+    """Agents also publish smoothed estimates of so long ago; 0: they do not."""
     initial_position: EachPosition = None
     initial_velocity: EachVelocity = None
     initial_position_std: Length | None = None

@@ -52,7 +52,7 @@ def _check_absences(plan: Plan) -> None:
 def warnings(plan: Plan) -> list[str]:
     """Warnings, a sentence each with its remedy."""
     scenario, edges = plan.scenario, plan.edges
-    of_liars = _only_links(scenario, edges) + _all_lie(scenario) + _biases_beside_liars(plan)
+    of_liars = _only_links(scenario, edges) + _all_lie(scenario) + _biases_beside_liars(plan) + _unsuspected(plan)
     return of_liars + _of_no_link(scenario, edges) + _in_no_step(scenario)
 
 
@@ -73,6 +73,18 @@ def _biases_beside_liars(plan: Plan) -> list[str]:
 def liars(scenario: Scenario) -> set[int]:
     """The agents that a scenario ever lets send wrong values."""
     return {agent for fault in scenario.fault if isinstance(fault, SenderFault) for agent in fault.agents}
+
+
+def _unsuspected(plan: Plan) -> list[str]:
+    """That agents go by what a liar sends which comes as a surprise."""
+    if plan.isolates or plan.scenario.consensus.trim or not plan.rounds:
+        return []
+    return [
+        f"fault {number} ({fault.kind}): agents of this run leave out no neighbour that sends wrong values, as its "
+        "scenario told of none, so all are led astray; end the fault, or start with consensus.isolate = true"
+        for number, fault in enumerate(plan.scenario.fault)
+        if isinstance(fault, SenderFault) and fault.injected
+    ]
 
 
 def _all_lie(scenario: Scenario) -> list[str]:

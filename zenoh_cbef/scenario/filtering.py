@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from functools import cached_property
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust
-from zenoh_cbef.scenario.alike import alike
-from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.scenario.alike import Meant, alike
 from zenoh_cbef.scenario.motion import (
     assumed_models,
     assumed_motion,
@@ -31,14 +30,11 @@ from zenoh_cbef.tracking.ranging import Space
 
 
 @dataclass(frozen=True, eq=False)
-class Filtering:
+class Filtering(Meant):
     """What agents estimate, and how. Every part is made when it is first asked for, and kept.
 
-    like: of a scenario that differs in the seed alone, on which nothing here depends: its parts are these; None: made.
+    On the seed and on injected faults nothing here depends but the absences.
     """
-
-    scenario: Scenario
-    like: Self | None = None
 
     @property
     def abilities(self) -> Abilities:
@@ -277,10 +273,10 @@ class Filtering:
             guesses=start.guesses(scenario) if chosen.defaults > 3 else None,
         )
 
-    @alike
+    @cached_property
     def absences(self) -> Absences:
         """When the scenario's agents are not there."""
-        return start.absences(self.scenario)
+        return start.absences(self.scenario) if self.like is None else self.like.absences
 
     @alike
     def settling_steps(self) -> int:

@@ -21,11 +21,9 @@ def with_faults(plan: Plan, tables: Sequence[Mapping[str, object]]) -> Plan:
     What the scenario leaves to be derived from its faults stays as it was: a run cannot change its messages.
     """
     data = plan.scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
-    data["fault"] = [*data["fault"], *(one for one in tables if one.get("kind") != STEER)]
+    data["fault"] = [*data["fault"], *({**one, "injected": True} for one in tables if one.get("kind") != STEER)]
     orders = [{key: value for key, value in one.items() if key != "kind"} for one in tables if one.get("kind") == STEER]
     data["target"]["orders"] = [*data["target"]["orders"], *orders]
-    data["consensus"]["scheme"] = plan.scheme[0]
-    data["filter"] |= {"bias": plan.bias, "distrust": plan.distrusts_own, "membership": plan.settings.cut_off > 0}
     extended = Plan(stamped(parse(data, "the fault")))
     fault_checks.refuse(extended)
     return extended
@@ -37,6 +35,11 @@ def marked(extended: Plan, tables: Sequence[Mapping[str, Json]]) -> list[dict[st
     faults = iter(extended.scenario.fault[len(extended.scenario.fault) - len(injected) :])
     marks = [None if one.get("kind") == STEER else next(faults).plugin for one in tables]
     return [{**one, "plugin": mark} if mark else dict(one) for one, mark in zip(tables, marks, strict=True)]
+
+
+def liars(plan: Plan, text: str) -> set[int]:
+    """The agents that ever send wrong values, by the scenario or by faults as JSON, "" for none. Raises UserError."""
+    return fault_checks.liars((with_faults(plan, read_tables(text)) if text else plan).scenario)
 
 
 def read_tables(text: str) -> list[dict[str, Json]]:

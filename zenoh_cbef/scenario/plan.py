@@ -133,12 +133,13 @@ class Plan(Filtering):
     @cached_property
     def initial_states(self) -> Floats:
         """The agents' estimates before step 1, as configured, (n, 6)."""
-        return start.initial_states(self.scenario)
+        return start.initial_states(self.known.scenario)
 
     @cached_property
     def initial_covariance(self) -> Floats:
         """Covariance of the initial position and velocity along the axes, (s, s). Before a first fix it is wide."""
-        return np.asarray(np.diag(start.first_std(self.scenario, fixed=self.first_fix_steps > 0)[self.space.kept] ** 2))
+        std = start.first_std(self.known.scenario, fixed=self.first_fix_steps > 0)
+        return np.asarray(np.diag(std[self.space.kept] ** 2))
 
     @cached_property
     def initial_belief(self) -> Belief:

@@ -80,6 +80,12 @@ def warnings(plan: Plan) -> list[str]:
     left_open = open_axes_between(plan, range(count), 1, length)
     if left_open > MIRRORED:
         return [f"the position cannot be determined: {described(plan, count, left_open)}; {_REMEDY[axes]}"]
+    if _each_alone(plan):
+        kind, left_open = plan.scenario.filter.kind, open_axes_between(plan, [0], 1, length)
+        why = f"agents of {kind} exchange nothing" if plan.scenario.consensus.rounds else "consensus.rounds is 0"
+        if left_open > MIRRORED:
+            alone = f"agents cannot determine the position: {why}, and {described(plan, 1, left_open)}"
+            return [f'{alone}; let them exchange what they know, as with filter.kind = "sicf" and ten rounds']
     found = []
     if left_open == MIRRORED:
         said = f"{described(plan, count, left_open)}, and only the initial estimate tells the two apart"
@@ -91,9 +97,14 @@ def warnings(plan: Plan) -> list[str]:
     return found or _weak_geometry(plan)
 
 
+def _each_alone(plan: Plan) -> bool:
+    """Whether each agent has nothing but its own ranges."""
+    return not (plan.rounds or plan.sharing.uses_neighbour_ranges)
+
+
 def determined(plan: Plan) -> bool:
     """Whether ranges alone tell where the target is, so that a covariance can be right: no mirror image fits them."""
-    agents, length = range(plan.scenario.count), plan.scenario.length
+    agents, length = range(1 if _each_alone(plan) else plan.scenario.count), plan.scenario.length
     return not open_axes_between(plan, agents, 1, length) and not _weak_geometry(plan)
 
 

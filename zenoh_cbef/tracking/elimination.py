@@ -42,7 +42,7 @@ class Elimination(Inversion):
     """By elimination. Large matrices, and those that are not positive definite, are left to the library."""
 
     def inverse(self, matrices: Floats) -> Floats:
-        """Inverse of symmetric matrices (n, s, s). Raises LinAlgError where one is singular."""
+        """Inverse of symmetric matrices (n, s, s), NaN where one is singular."""
         if matrices.shape[1] > _LARGEST:
             return super().inverse(matrices)
         inverted, others = _inverted(matrices)

@@ -26,11 +26,17 @@ def outer(left: Floats, right: Floats) -> Floats:
 
 
 def inverse(matrices: Floats) -> Floats:
-    """Inverse of symmetric positive definite matrices (n, s, s), symmetric to the last bit.
+    """Inverse of symmetric positive definite matrices (n, s, s), symmetric to the last bit; NaN where one is singular.
 
-    Raises LinAlgError where one is singular.
+    A tracker finds an agent's NaN and refuses its update; an error would end the others of a batch, too.
     """
-    inverted = np.linalg.inv(matrices)
+    try:
+        inverted = np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        inverted = np.full_like(matrices, np.nan)
+        for place, matrix in enumerate(matrices):
+            with suppress(np.linalg.LinAlgError):
+                inverted[place] = np.linalg.inv(matrix)
     doubled = inverted + inverted.swapaxes(-1, -2)
     doubled *= 0.5
     return np.asarray(doubled)
@@ -62,18 +68,6 @@ class Inversion:
 
 
 BY_LIBRARY = Inversion()
-
-
-def inverse_if_any(matrices: Floats) -> Floats:
-    """As inverse, of matrices (n, s, s), but NaN in place of an error where one is singular."""
-    try:
-        return inverse(matrices)
-    except np.linalg.LinAlgError:
-        inverted = np.full_like(matrices, np.nan)
-        for place, matrix in enumerate(matrices):
-            with suppress(np.linalg.LinAlgError):
-                inverted[place] = inverse(matrix)
-        return inverted
 
 
 def sound_rows(matrices: Floats) -> Bools:

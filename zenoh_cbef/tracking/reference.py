@@ -10,7 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.information_form import predict, saturated_precision, saturation
-from zenoh_cbef.tracking.linalg import inverse, inverse_if_any, matvec
+from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space, own_range
 from zenoh_cbef.tracking.switching import Gaussian
@@ -80,7 +80,7 @@ def taken_in(
         weight = np.where(measured, precision * variance, 1.0)
     weighted = precision[:, :, None] * rows
     # Where the target is lost by far, a covariance may be so long in one direction that it is singular: that run ends.
-    updated = inverse_if_any(inverse_if_any(covariance) + weighted.swapaxes(1, 2) @ rows)
+    updated = inverse(inverse(covariance) + weighted.swapaxes(1, 2) @ rows)
     pull = np.add.reduce(weighted * innovation[:, :, None], axis=1)
     posterior = state + matvec(updated, pull), updated
     return Taken(

@@ -11,7 +11,7 @@ from zenoh_cbef.arrays import Floats, Ints
 from zenoh_cbef.extras import from_extra
 from zenoh_cbef.trace import SmoothedPath, Trace
 from zenoh_cbef.tracking.diagnostics import NAMES, WHOLE
-from zenoh_cbef.writing import whole
+from zenoh_cbef.writing import make_folder, whole
 
 WHOLE_COLUMNS = {"agent", "k", "first", "second"} | WHOLE
 """Columns of whole numbers."""
@@ -53,6 +53,7 @@ def export(trace: Trace, output: Path, kind: str) -> list[Path]:
         with whole(output) as fresh, fresh.open("wb") as stream:
             np.savez_compressed(stream, allow_pickle=False, **arrays_of(trace))
         return [output]
+    make_folder(output)
     paths = []
     for name, (header, parts) in tables_of(trace).items():
         paths.append(output / f"{name}.{kind}")

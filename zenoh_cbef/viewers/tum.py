@@ -8,7 +8,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.viewers.scene import Scene
-from zenoh_cbef.writing import whole
+from zenoh_cbef.writing import make_folder, whole
 
 
 def write_tum(scene: Scene, output: Path) -> list[Path]:
@@ -21,6 +21,7 @@ def write_tum(scene: Scene, output: Path) -> list[Path]:
     paths = {"truth": trace.truth} | {f"agent_{agent}": one for agent, one in enumerate(trace.estimates)}
     if trace.smoothed is not None:
         paths |= {f"agent_{agent}_smoothed": one for agent, one in enumerate(trace.smoothed.states)}
+    make_folder(output)
     written = []
     for name, states in paths.items():
         lines = _lines(scene, states)

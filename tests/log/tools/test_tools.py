@@ -237,6 +237,7 @@ def test_a_rotated_log_is_read_as_one_and_each_part_by_itself(tmp_path: Path) ->
 
 
 def test_another_recording_beside_a_log_is_no_part_of_it(tmp_path: Path) -> None:
+    (tmp_path / "made").mkdir()
     for name in ("run.mcap", "run.2.mcap"):
         maker = Maker(tmp_path / "made" / name)
         maker.step(1)

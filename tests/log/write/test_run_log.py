@@ -28,6 +28,7 @@ def write(log: RunLog, numbers: range) -> None:
 
 @pytest.fixture
 def log(tmp_path: Path) -> RunLog:
+    (tmp_path / "logs").mkdir()
     made = RunLog(tmp_path / "logs" / "run.mcap", Record())
     made.describe(source="", resolved="", run={})
     write(made, range(10))

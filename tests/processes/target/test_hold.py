@@ -2,16 +2,21 @@
 
 from functools import partial
 
+import numpy as np
+import pytest
 import zenoh
 
 from tests.waiting import until
 from zenoh_cbef.lab.bench import reach
+from zenoh_cbef.log.read.header import read_header
+from zenoh_cbef.log.read.parts import open_log
 from zenoh_cbef.log.read.trace import read_trace
 from zenoh_cbef.outside.operator import Operator
 from zenoh_cbef.protocol.keys import Keys
 from zenoh_cbef.protocol.messages import unpack
 
 AGENTS, ROUNDS = 4, 3
+LIAR = AGENTS - 1
 
 
 def test_a_held_run_makes_single_rounds_and_is_proved(world):
@@ -45,8 +50,9 @@ def test_a_held_run_makes_single_rounds_and_is_proved(world):
             until(partial(stands_at, step, round_ if round_ < ROUNDS else None), latest)
             all_at(step, round_)
         # An order in the middle of a step begins with a later one; a single step ends the one that is under way.
-        _, since = operator.inject({"kind": "loss", "probability": 0.5}, None)
-        assert since > 0.1 * (began + 1)
+        assert operator.inject({"kind": "loss", "probability": 0.5}, None)["from"] > 0.1 * (began + 1)
+        # What agents would have decided otherwise, had they known of a liar, they do not.
+        assert len(operator.inject({"kind": "byzantine", "agents": [LIAR], "magnitude": 1000.0}, None)["warnings"]) == 1
         operator.hold(on=True, steps=1)
         all_at(began + 1, ROUNDS)
         operator.hold(on=True, rounds=1)
@@ -60,4 +66,10 @@ def test_a_held_run_makes_single_rounds_and_is_proved(world):
         assert operator.stop() is not None
     run.communicate(timeout=100)
     world.verdict()
-    assert read_trace(world.log).scenario.fault[0].kind == "loss"
+    trace = read_trace(world.log)
+    assert [fault.kind for fault in trace.scenario.fault] == ["loss", "byzantine"]
+    # Its error, as the line of progress has it, is that of honest agents.
+    told = read_header(open_log(world.log)).end or {}
+    last = int(told["step"]) - 1
+    apart = (trace.estimates[:LIAR, last, :3] - trace.truth[last, :3]) ** 2
+    assert float(told["error"]) == pytest.approx(float(np.sqrt(apart.sum(axis=1).mean())))

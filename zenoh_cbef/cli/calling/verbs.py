@@ -160,7 +160,7 @@ def built() -> Any:
 
 
 _PLAIN = {
-    r"^Invalid value for '([^']*)': (?:Value error, |Input )": r"\1 ",
+    r"^Invalid value for '([^']*)'(?: / '[^']*')*: (?:Value error, |Input )": r"\1 ",
     r"should be a valid integer, unable to.*": "must be a whole number",
     r"should be a valid number, unable to.*": "must be a number",
     r"\bshould be\b": "must be",
@@ -168,14 +168,24 @@ _PLAIN = {
 """What the library says of the value of an option, and how this program says it."""
 
 
-_ELSEWHERE = {"report": "analyze --report", "plot": "analyze --report", "list": "scenario list", "kill": "stop"}
-"""Verbs that some look for, by what does it here."""
+_ELSEWHERE = {
+    "command 'report'": "'analyze --report'",
+    "command 'plot'": "'analyze --report'",
+    "command 'list'": "'scenario list'",
+    "command 'kill'": "'stop'",
+    "command 'bag'": "'record', 'info', 'filter' or 'replay'",
+    "command 'convert'": "'export'",
+    "command 'start'": "'run'",
+    "option: --topic": "'-y'",
+    "option: --topics": "'-y'",
+}
+"""What some look for, as other programs for logs call it, by what does it here."""
 
 
 def _plain(said: str) -> str:
-    sought = re.match(r"No such command '(\w+)'", said)
+    sought = re.match(r"No such (command '\w+'|option: --\w+)", said)
     if sought and sought[1] in _ELSEWHERE:
-        return f"No such command '{sought[1]}'. Did you mean '{_ELSEWHERE[sought[1]]}'?"
+        return f"{sought[0]}. Did you mean {_ELSEWHERE[sought[1]]}?"
     for library, ours in _PLAIN.items():
         said = re.sub(library, ours, said)
     return said

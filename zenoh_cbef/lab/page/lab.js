@@ -126,7 +126,7 @@ function play() {
 
 async function inject(table, seconds) {
   const answer = await orders.ask({ ask: "fault", table, seconds }).catch(() => ({ error: "the server is gone" }));
-  tell(answer.error ?? "");
+  tell(answer.error ?? answer.warnings.join("; "));
 }
 
 async function order(ask) {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -85,8 +86,12 @@ def _doubt(recording: Recording, simulation: Simulation) -> str:
     return ""
 
 
-def verify(path: Path, *, tolerance: float = 0.0) -> Verdict:
-    """Execute the run of a log again and compare. Raises UserError for no log of a run, or other plug-ins."""
+def verify(path: Path, *, tolerance: float = 0.0, report: Callable[[str], None] = lambda _: None) -> Verdict:
+    """Execute the run of a log again and compare. Raises UserError for no log of a run, or other plug-ins.
+
+    report: is told in words how far that is.
+    """
+    report("reading")
     log = open_log(path)
     header = read_header(log)
     scenario = header.scenario
@@ -101,7 +106,7 @@ def verify(path: Path, *, tolerance: float = 0.0) -> Verdict:
         cut = f"; the log is damaged ({recording.damage[0]}), compared as far as it goes"
     else:
         cut = "" if steps == scenario.length else f"; the run ended at step {steps}"
-    return _execute(recording, steps, tolerance, cut)
+    return _execute(recording, steps, tolerance, cut, report)
 
 
 def _judgeable(recording: Recording) -> tuple[int, str]:
@@ -145,13 +150,14 @@ def _simulation(trace: Trace, steps: int) -> Simulation:
     )
 
 
-def _execute(recording: Recording, steps: int, tolerance: float, cut: str) -> Verdict:
+def _execute(recording: Recording, steps: int, tolerance: float, cut: str, report: Callable[[str], None]) -> Verdict:
     trace = trace_of(recording)
     simulation = _simulation(trace, steps)
     comparison = Comparison(recording, trace, simulation, tolerance)
     try:
         for number, step in enumerate(simulation, 1):
             comparison.step(number, step)
+            report(f"step {number} of {steps} executed again")
     except Different as difference:
         if doubt := _doubt(recording, _simulation(trace, steps)):
             return Verdict("unknown", doubt, comparison.compared)

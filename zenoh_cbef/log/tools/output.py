@@ -13,7 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.mcap.contents import Channel, RawMessage
 from zenoh_cbef.log.mcap.writer import Compression, McapWriter
-from zenoh_cbef.writing import refuse_overwriting, writing
+from zenoh_cbef.writing import must_be_new, writing
 
 
 class OutputLog:
@@ -25,9 +25,8 @@ class OutputLog:
     def __init__(self, path: Path, compression: Compression = "zstd") -> None:
         self.path, self._active = path, path.with_name(path.name + ACTIVE)
         for taken in (path, self._active):
-            refuse_overwriting(taken, "name another --output")
+            must_be_new(taken, "name another --output")
         with writing(path, "name another --output"):
-            path.parent.mkdir(parents=True, exist_ok=True)
             self._writer = McapWriter(self._active, compression=compression, library=f"zenoh-cbef {__version__}")
         # By identity first: equal channels are met as many objects, and each is compared once.
         self._known: dict[int, tuple[Channel, int]] = {}

@@ -22,7 +22,7 @@ from zenoh_cbef.protocol.messages import json_schema
 from zenoh_cbef.protocol.ring import Said
 from zenoh_cbef.protocol.short import ENCODING, SCHEMA
 from zenoh_cbef.scenario.model import Record
-from zenoh_cbef.writing import refuse_overwriting, writing
+from zenoh_cbef.writing import must_be_new, writing
 
 UNKNOWN = "unknown"
 """The kind of data that is no message of a run."""
@@ -114,14 +114,13 @@ class RunLog:
     def __init__(self, path: Path, settings: Record) -> None:
         self.path, self._settings = path, settings
         for taken in (path, part_path(path, 2)):
-            refuse_overwriting(taken, "choose another name, or move it away")
+            must_be_new(taken, "choose another name, or move it away")
         if (left := left_active(path)) is not None:
             raise UserError(
                 f"{left} is being written, or its recorder was killed, and logs are never overwritten; choose another "
                 "name, or 'recover' what is in it and move it away"
             )
         with writing(path, "choose another place for the log"):
-            path.parent.mkdir(parents=True, exist_ok=True)
             self._part = _Part(path, settings)
         self._number = 1
         self._description: tuple[str, str, Mapping[str, str]] = "", "", {}

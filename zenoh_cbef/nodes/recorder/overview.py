@@ -31,7 +31,7 @@ class Overview:
     ) -> None:
         self.status = status
         self.present = present
-        self._left_out, self._axes = left_out, axes
+        self.left_out, self._axes = left_out, axes
         self._expected = 1
         self.reached = 0
         self.heard: dict[int, int] = {}
@@ -101,7 +101,7 @@ class Overview:
         errors = self._errors.setdefault(step, [])
         apart = [a - b for a, b in zip(message["state"][: self._axes], truth[: self._axes], strict=True)]
         # A forged estimate can be too far off for its square: a product is infinite then, where a power would raise.
-        errors.append(None if agent in self._left_out else sum(one * one for one in apart))
+        errors.append(None if agent in self.left_out else sum(one * one for one in apart))
         if len(errors) >= self._expected:
             self.status.step = step
             counted = [one for one in errors if one is not None]

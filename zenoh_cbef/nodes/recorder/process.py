@@ -21,7 +21,7 @@ from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import agent_named
 from zenoh_cbef.protocol.reached import serve_reached
 from zenoh_cbef.protocol.recorded import covering, recorded_keys
-from zenoh_cbef.scenario.fault_checks import liars
+from zenoh_cbef.scenario.injected import liars
 
 
 def run_recorder(
@@ -53,7 +53,7 @@ def run_recorder(
         log = _begun(path, identity, briefing, expressions)
         overview = _overview(node, Status(identity.run, str(path), scenario.length), briefing, expressions)
         source, mailboxes = at_source(node, log, scenario, mailboxes, CAPACITY)
-        recorder = Recorder(node, log, overview, mailboxes, scenario, source=source)
+        recorder = Recorder(node, log, overview, mailboxes, briefing.plan, source=source)
         serve_reached(node.session, node.keys, f"record/{identity.name}", recorder.reached)
         node.presence.announce(f"record/{identity.name}")
         if led:  # a replay's subscribers get the recorded messages only
@@ -90,7 +90,7 @@ def _overview(node: Node, status: Status, briefing: Briefing, expressions: Seque
         return sum(agent_named(name) is not None for name in node.presence.names())
 
     axes = 3 if briefing.scenario.filter.planar_height is None else 2
-    overview = Overview(status, present, liars(briefing.scenario), axes)
+    overview = Overview(status, present, liars(briefing.plan, briefing.text.faults), axes)
     if briefing.text.step is None:
         # Of one that comes later the target learns which agents it hears.
         covers, agents = covering(expressions), range(briefing.scenario.count)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
+from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.write.run_log import RunLog
 from zenoh_cbef.nodes.common.node import Node
 from zenoh_cbef.nodes.common.recording import Status
@@ -17,12 +19,13 @@ from zenoh_cbef.nodes.recorder.recovery import Recovery
 from zenoh_cbef.plain import count_in, counts_in
 from zenoh_cbef.protocol.fair_mailbox import FairMailbox
 from zenoh_cbef.protocol.keys import address
-from zenoh_cbef.protocol.kinds import EVENT
+from zenoh_cbef.protocol.kinds import EVENT, FAULTS
 from zenoh_cbef.protocol.messages import BadMessage, decode
 from zenoh_cbef.protocol.recorded import belongs, covering
 from zenoh_cbef.protocol.ring import Said
 from zenoh_cbef.protocol.slow import SLOW
-from zenoh_cbef.scenario import Scenario
+from zenoh_cbef.scenario.injected import liars
+from zenoh_cbef.scenario.plan import Plan
 
 CAPACITY = 1 << 17
 """Messages that a mailbox of a recorder holds."""
@@ -51,12 +54,12 @@ class Recorder:
         log: RunLog,
         overview: Overview,
         mailboxes: Sequence[FairMailbox],
-        scenario: Scenario,
+        plan: Plan,
         *,
         source: AtSource | None = None,
     ) -> None:
         self.node, self.log, self.overview, self._source = node, log, overview, source
-        self._mailboxes, self._settings = mailboxes, scenario.record
+        self._mailboxes, self._plan, self._settings = mailboxes, plan, plan.scenario.record
         self._covers = covering([mailbox.key for mailbox in mailboxes] + (source.expressions if source else []))
         self._lock = threading.Lock()
         self._done = threading.Event()
@@ -66,7 +69,7 @@ class Recorder:
         self._acknowledgements = Acknowledgements(node)
         self._shared = [mailbox.key for mailbox in mailboxes] if len(mailboxes) > 1 else []
         self.target_ended: int | None = None
-        self._attendance = Attendance(node, self._tell, scenario.timing.patience)
+        self._attendance = Attendance(node, self._tell, plan.scenario.timing.patience)
         believes = (lambda _: True) if source is None else source.rings.is_the_same
         self._recovery = Recovery(node, log, self._lock, self._write, believes)
         node.on_stop(self._wake)
@@ -203,6 +206,8 @@ class Recorder:
             self.overview.see(kind, key, [data])
         elif kind == "event":
             self._note_promises(key, data)
+        elif kind == FAULTS.name:
+            self._note_liars(data)
 
     def _write_all(self, keys: Sequence[str], said: Sequence[Said]) -> None:
         self.log.add_all(keys, said, time.time_ns())
@@ -210,6 +215,11 @@ class Recorder:
             at = address(key)
             if at is not None and at.kind in {"truth", "estimate"}:
                 self.overview.see(at.kind, key, [one[3] for one in said if one[0] == kind])
+
+    def _note_liars(self, data: bytes) -> None:
+        with suppress(BadMessage, UserError):
+            message = decode(FAULTS, data, run=self.node.identity.run, sender="target")
+            self.overview.left_out = liars(self._plan, message["tables"])
 
     def _note_promises(self, key: str, data: bytes) -> None:
         at = address(key)

@@ -12,7 +12,7 @@ from zenoh_cbef.nodes.target.injection import Injection
 from zenoh_cbef.nodes.target.survey import Survey, Surveyed
 from zenoh_cbef.plain import Json, read_json
 from zenoh_cbef.protocol.control import Request
-from zenoh_cbef.protocol.questions import HOLD, Cleared, Holding, Listed, Stopped
+from zenoh_cbef.protocol.questions import HOLD, Added, Cleared, Holding, Listed, Stopped
 
 
 class Asked(Surveyed, Protocol):
@@ -45,9 +45,9 @@ def answer(target: Asked, request: Request) -> Mapping[str, object]:
         return Listed(faults=json.dumps(injection.listed()))
     if asked == "fault clear":
         return Cleared(ended=injection.clear(_numbers(request.get("numbers"))))
-    number = injection.add(_table(request.get("fault")), _seconds(request.get("seconds")))
+    number, warnings = injection.add(_table(request.get("fault")), _seconds(request.get("seconds")))
     since = next(one["from"] for one in injection.listed() if one["number"] == number)
-    return {"number": number, "from": since}
+    return Added({"number": number, "from": since, "warnings": warnings})
 
 
 def _held(target: Asked, request: Request) -> Holding:

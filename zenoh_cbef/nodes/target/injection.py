@@ -12,6 +12,7 @@ from typing import Any
 
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.protocol.fields import LONGEST
+from zenoh_cbef.scenario import fault_checks
 from zenoh_cbef.scenario.injected import STEER, marked, with_faults
 from zenoh_cbef.scenario.plan import Plan
 
@@ -70,8 +71,8 @@ class Injection:
         self._lock = threading.Lock()
         self._fresh = False
 
-    def add(self, table: dict[str, Any], seconds: float | None) -> int:
-        """Add a fault that begins at its `from`, or now, and lasts so long; returns its number."""
+    def add(self, table: dict[str, Any], seconds: float | None) -> tuple[int, list[str]]:
+        """Add a fault that begins at its `from`, or now, and lasts so long; returns its number, and warnings."""
         with self._lock:
             soon = self._clock.soon()
             since = table.setdefault("from", soon)
@@ -81,8 +82,9 @@ class Injection:
                 )
             if seconds is not None:
                 table["until"] = round(since + seconds, 3)
+            before = fault_checks.warnings(self.plan)
             self._accept([*self._tables, table])
-            return self._numbers()[-1]
+            return self._numbers()[-1], [one for one in fault_checks.warnings(self.plan) if one not in before]
 
     def clear(self, numbers: Sequence[int] | None) -> list[int]:
         """End faults now, None: all; returns which were still to end."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from zenoh_cbef import __version__
 from zenoh_cbef.machine import require
 from zenoh_cbef.nodes.common.node import Identity, Node
@@ -21,10 +23,11 @@ def run_target(
     *,
     receivers: bool = False,
     wait_for: int | None = None,
+    report: Callable[[str], None] | None = None,
 ) -> int:
     """Run the target process of a scenario to its end; returns the last step.
 
-    world: what is measured, None for what the scenario says. receivers, wait_for: see Target.
+    world: what is measured, None for what the scenario says. receivers, wait_for, report: see Target.
     """
     refuse_too_many_processes(loaded.scenario)
     require(links=loaded.scenario.count + loaded.scenario.record.awaited)
@@ -32,7 +35,7 @@ def run_target(
         node.refuse_twin()
         emulated = make_world(loaded.scenario) if world is None else world
         how = {"recorded": world is not None, "receivers": receivers}
-        target = Target(node, loaded.plan, emulated, **how, wait_for=wait_for)
+        target = Target(node, loaded.plan, emulated, **how, wait_for=wait_for, report=report)
         resolved = to_toml(loaded.scenario)
 
         def text() -> ScenarioText:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import inf
@@ -30,9 +31,11 @@ from zenoh_cbef.protocol.tokens import is_recorder
 from zenoh_cbef.scenario import Scenario
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import World, make_world
+from zenoh_cbef.words import first_of
 
 _LAST_WORD_SECONDS, _ALONE_SECONDS = 5.0, 30.0
 _LOOK_SECONDS = 0.02
+_NAMED = 5
 _LONGER = 4.0
 """The target's patience as a multiple of the agents' own, whose waits may follow one after the other."""
 
@@ -42,7 +45,8 @@ class Target:
     """The target of a run.
 
     recorded: the measurements come from a log, and no fault changes them. receivers: real ones publish the beacons.
-    wait_for: how many agents have to be ready for the run to start, None: all.
+    wait_for: how many agents have to be ready for the run to start, None: all. report: is told in words what the target
+    waits for, and how far the run is.
     """
 
     node: Node
@@ -51,6 +55,7 @@ class Target:
     recorded: bool = False
     wait_for: int | None = None
     receivers: bool = False
+    report: Callable[[str], None] | None = None
 
     def __post_init__(self) -> None:
         realtime = self.plan.realtime
@@ -110,6 +115,8 @@ class Target:
         # Not at each change: with hundreds of agents there are thousands, and each look is at all of them.
         while (names := lacking()) and not self.node.stopping:
             if time.monotonic() < until:
+                if self.report is not None:
+                    self.report(f"waiting for {first_of(names, _NAMED)}")
                 self.progress.drain()
                 self._strangers.look()
                 time.sleep(_LOOK_SECONDS)
@@ -158,6 +165,8 @@ class Target:
                 self._pace.arrive(time.monotonic(), begin + self.plan.deadline(0))
             self.progress.excuse(self.plan.absences.at(step), step)
             self.step = step
+            if self.report is not None:
+                self.report(f"step {step} of {self.scenario.length}")
             for round_ in self.hold.rounds(self.plan.rounds, self.survey.drain, stopping):
                 self._signals.round(step, round_)
         self._end(self.step)

@@ -2,5 +2,7 @@
 
 export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-/** A colour for each agent, apart from those of its neighbours in number. */
-export const hue = (agent) => `hsl(${(agent * 137.508 + 205) % 360} 62% 48%)`;
+const AGENTS = ["#0072B2", "#E69F00", "#009E73", "#AA3377", "#56B4E9", "#A6761D", "#785EF0", "#117733"];
+
+/** The colour of an agent, as its curves have it in figures. */
+export const hue = (agent) => AGENTS[agent % AGENTS.length];

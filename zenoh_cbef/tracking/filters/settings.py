@@ -15,123 +15,149 @@ from zenoh_cbef.tracking.ranging import Space
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """What any filter may need to know.
-
-    range_std: m; learns_noise: it is where learning it begins. lasting: whether errors of
-    successive ranges may be alike. recorded: whether such errors widen what agents claim, and not
-    the noise by which they weigh ranges, and a bias is believed also for the share of the misfit that it explains.
-    doubts_noise: whether range_std may be wrong by a factor of two; counts_ranges: whether the network counts the
-    ranges that say so, and lasting errors are weighed with all that an estimate keeps of them.
-    xi, omega: see the filter; omega None: network_size. network_size: number of agents.
-    differenced: whether ci and local take in differences of ranges in place of the
-    agent's own range. power: of the saturation. widens: whether
-    a saturated range widens its whole innovation, not its noise alone. recovers: from which share of implausible
-    innovations on the network widens its covariances, 0: never. distrusts:
-    whether agents give their own implausible ranges less weight. returns: whether an
-    agent's range counts less after a step in which it heard no neighbour. says_status: whether they say
-    if they acquire, track, coast, or have lost the target; judges_agents: whether that counts agents that do not
-    fit, or ranges, and whether only those that hear ranges vote for another fix. hearing: for
-    how many steps after a range an agent counts as one that hears the target; 0: agents do not count those.
-    calls_roll: whether they count by a number for each, or by one alone.
-    rounds: of a step. reacquires: how many steps another fix takes, 0 for none; spreading: in how many steps all
-    agents know a decision; anywhere: where that fix looks
-    for the target, like search. bends: whether agents coast no further than ranges are straight lines. prompt: whether
-    another fix begins soon after the target is lost, and has the first ranges after a silence to itself; deciding:
-    every how many steps agents decide whether one begins, 0: as many as it takes. supposes:
-    whether all tell each other what they measured where ranges of one do not fit; rejoins: one
-    that is wrong takes part again after two ranges that fit, or after many. cut_off: how many
-    rounds a step has, where agents may be cut off from others and tell who is there; 0: they do not. presumes: whether
-    agents presume that ranges fit and that all others are there until they know better. proves:
-    whether another fix has the ranges of its time for itself, knows what is known of biases, and is proved by the
-    ranges that fit it, and a target that was lost needs proof as one that was never found. undetermined: whether their
-    places leave open where the target is, so that they never say that they track it. sides: whether they say so
-    when they do not know on which side of them the target is. bias: none,
-    estimate or auto; likelihoods: whether auto weighs it by these, or by the NIS; weighs_lasting:
-    whether the more, the less alike errors are, and weighs_shares: a share of all ranges, too;
-    common_bias_std, own_bias_std: its prior, m. scale_std: prior of the share by which all ranges may be too long,
-    besides joint biases; 0: by none. told_biases: whether they are constant, and as large as told: a first fix says
-    what it knows of them, and none is forgotten. joint_biases: whether agents estimate all biases together, which
-    have no common part then. first_fix: over how many steps the initial estimate, a guess, is improved by least
-    squares on the first ranges; 0: it is none. squared_fix: how many of these steps are on squared ranges.
-    tries_guess: whether the guess is tried before the network searches. search: where squared ranges look for the
-    target, state (1, s) and covariance (1, s, s); None: around the guess. models: the
-    motions between which the target switches, the most agile one last; none: it moves by `motion` alone. leaving: the
-    probability that it leaves its motion in a step. middle: a point near all agents, the same for all, m. squares:
-    whether agents share squared ranges, and linearise what averaging leaves. tells_ranges:
-    whether they tell each other their ranges, and each takes in all; seeks: and, while these deny the place, looks for
-    the target elsewhere; splits: how it splits hypotheses, of which it keeps several of each motion then (see
-    splitting.py), 0: it does not. plane: that they are near, a point of it and its normal; None: near none, or mirror
-    images are no matter. outliers: what share of the ranges are too long, and by how much (m) on average, where the
-    scenario tells so and a first fix takes it into account.
-    options: of a kind of another package, `filter.options`. inversion: how sicf and a first fix invert matrices.
-    least: a range below it, m, is none where ranges are squared, as its square is another one's.
-    guesses: how many of the agents' guesses of position, and of velocity, are independent; None: a first fix by
-    rules before the fourth, see there.
-    """
+    """What any filter may need to know: network, motion, ranges, biases, the first fix, and what the estimate is."""
 
     motion: Motion
     space: Space
     range_std: float
+    """Noise of ranges, m; where agents learn it, what they begin with."""
     xi: float
+    """Where ranges saturate, in the units of the filter's kind."""
+
+    # The network, and the filter's kind.
     network_size: int
+    """How many agents there are; 1 where they exchange nothing."""
     omega: float | None = None
-    differenced: bool = False
-    power: int = 1
-    widens: bool = False
-    recovers: float = 0.0
-    distrusts: bool = False
-    returns: bool = False
-    says_status: bool = False
-    judges_agents: bool = True
-    hearing: int = 0
-    calls_roll: bool = True
+    """What `hcmci` multiplies averaged measurements by; None: network_size."""
     rounds: int = 0
-    reacquires: int = 0
-    spreading: int = 1
-    bends: bool = False
-    prompt: bool = False
-    deciding: int = 0
-    supposes: bool = False
-    rejoins: bool = True
-    cut_off: int = 0
-    presumes: bool = True
-    proves: bool = False
-    undetermined: bool = False
-    sides: bool = False
-    anywhere: tuple[Floats, Floats] | None = None
-    bias: str = "none"
-    likelihoods: bool = True
-    weighs_lasting: bool = False
-    weighs_shares: bool = False
-    common_bias_std: float = 0.0
-    own_bias_std: float = 0.0
-    scale_std: float = 0.0
-    told_biases: bool = False
-    joint_biases: bool = False
-    learns_noise: bool = False
-    lasting: bool = False
-    recorded: bool = False
-    doubts_noise: bool = False
-    counts_ranges: bool = False
-    first_fix: int = 0
-    squared_fix: int = 0
-    tries_guess: bool = False
-    search: tuple[Floats, Floats] | None = None
-    models: tuple[Motion, ...] = ()
-    leaving: tuple[float, ...] = (0.0,)
-    noises: tuple[Motion, ...] = ()
-    middle: tuple[float, ...] = (0.0, 0.0, 0.0)
-    squares: bool = False
-    tells_ranges: bool = False
-    seeks: bool = False
-    ties: bool = False
-    splits: int = 0
-    plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    outliers: tuple[float, float] | None = None
-    guesses: tuple[int, int] | None = (1, 1)
-    least: float = -np.inf
+    """Of a step."""
+    differenced: bool = False
+    """Whether `ci` and `local` take in differences of ranges in place of the agent's own range."""
     options: Mapping[str, object] = field(default_factory=dict)
+    """Of a kind of another package, `filter.options`."""
     inversion: Inversion = BY_LIBRARY
+    """How `sicf` and a first fix invert matrices."""
+    returns: bool = False
+    """Whether an agent's range counts less after a step in which it heard no neighbour."""
+    cut_off: int = 0
+    """The rounds of a step, where agents may be cut off from others and tell who is there; 0: they do not."""
+    tells_ranges: bool = False
+    """Whether agents tell each other their ranges, and each takes in all."""
+    squares: bool = False
+    """Whether agents share squared ranges, and linearise what averaging leaves."""
+    middle: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """A point near all agents, the same for all, m."""
+    plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    """A point of the plane that agents are near, and its normal; None: near none, or mirror images are no matter."""
+
+    # How the target moves.
+    models: tuple[Motion, ...] = ()
+    """The motions between which the target switches, the most agile one last; none: it moves by `motion` alone."""
+    leaving: tuple[float, ...] = (0.0,)
+    """Probabilities, of which ranges choose, that the target leaves its motion in a step."""
+    noises: tuple[Motion, ...] = ()
+    """The motion with the noises of which ranges choose; none: its noise is not in doubt."""
+    ties: bool = False
+    """Whether steps may be so long that a target which turns is anywhere after one (see tying.py)."""
+    splits: int = 0
+    """How agents that tell their ranges split hypotheses, of which they keep several of each motion (see splitting.py);
+    0: they do not."""
+
+    # Errors of ranges.
+    power: int = 1
+    """Of the saturation."""
+    widens: bool = False
+    """Whether a saturated range widens its whole innovation, not its noise alone."""
+    least: float = -np.inf
+    """A range below it, m, is none where ranges are squared, as its square is another one's."""
+    outliers: tuple[float, float] | None = None
+    """What share of the ranges are too long, and by how much (m) on average, where the scenario tells so."""
+    distrusts: bool = False
+    """Whether agents give their own implausible ranges less weight."""
+    recovers: float = 0.0
+    """From which share of implausible innovations on the network widens its covariances; 0: never."""
+    learns_noise: bool = False
+    """Whether agents learn the noise of ranges."""
+    doubts_noise: bool = False
+    """Whether range_std may be wrong by a factor of two."""
+    counts_ranges: bool = False
+    """Whether the network counts the ranges that say so, and weighs lasting errors with all that an estimate keeps."""
+    lasting: bool = False
+    """Whether errors of successive ranges may be alike."""
+    recorded: bool = False
+    """Whether such errors widen what agents claim, and not the noise by which they weigh ranges, and a bias is believed
+    also for the share of the misfit that it explains."""
+
+    # Biases of ranges.
+    bias: str = "none"
+    """`none`, `estimate` or `auto`."""
+    joint_biases: bool = False
+    """Whether agents estimate all biases together, which have no common part then."""
+    common_bias_std: float = 0.0
+    """Prior of what all biases have in common, m."""
+    own_bias_std: float = 0.0
+    """Prior of an agent's own part, m."""
+    scale_std: float = 0.0
+    """Prior of the share by which all ranges may be too long, besides joint biases; 0: they are not."""
+    told_biases: bool = False
+    """Whether biases are constant, and as large as told: a first fix says what it knows of them, and none fades."""
+    likelihoods: bool = True
+    """Whether `auto` weighs a bias by these, or by the NIS."""
+    weighs_lasting: bool = False
+    """Whether `auto` asks for more, the less alike successive errors are."""
+    weighs_shares: bool = False
+    """Whether it weighs a share by which all ranges are too long so, too."""
+
+    # The first fix, by least squares on the first ranges.
+    first_fix: int = 0
+    """Over how many steps it improves the initial estimate, a guess; 0: there is none."""
+    squared_fix: int = 0
+    """How many of these steps are on squared ranges."""
+    search: tuple[Floats, Floats] | None = None
+    """Where squared ranges look for the target, state (1, s) and covariance (1, s, s); None: around the guess."""
+    tries_guess: bool = False
+    """Whether the guess is tried before the network searches."""
+    guesses: tuple[int, int] | None = (1, 1)
+    """How many of the agents' guesses of position, and of velocity, are independent; None: by rules before the
+    fourth, see first_fix.py."""
+
+    # What the estimate is, and other fixes.
+    says_status: bool = False
+    """Whether agents say if they acquire, track, coast, or have lost the target."""
+    judges_agents: bool = True
+    """Whether that counts agents that do not fit, or ranges, and only those that hear ranges vote for another fix."""
+    presumes: bool = True
+    """Whether agents presume that ranges fit and that all others are there until they know better."""
+    proves: bool = False
+    """Whether another fix has the ranges of its time for itself, knows what agents know of biases, and is proved by
+    ranges that fit it, and a target that was lost needs proof as one that was never found.
+    """
+    hearing: int = 0
+    """For how many steps after a range an agent counts as one that hears the target; 0: agents do not count those."""
+    calls_roll: bool = True
+    """Whether they count them by a number for each, or by one alone."""
+    undetermined: bool = False
+    """Whether the agents' places leave open where the target is, so that they never say that they track it."""
+    sides: bool = False
+    """Whether agents say so when they do not know on which side of them the target is."""
+    bends: bool = False
+    """Whether agents coast no further than ranges are straight lines."""
+    reacquires: int = 0
+    """How many steps another fix takes; 0: there is none."""
+    anywhere: tuple[Floats, Floats] | None = None
+    """Where another fix looks for the target, as `search`."""
+    spreading: int = 1
+    """In how many steps all agents know a decision."""
+    deciding: int = 0
+    """Every how many steps agents decide whether another fix begins; 0: as many as it takes."""
+    prompt: bool = False
+    """Whether another fix begins soon after the target is lost, and has the first ranges after a silence to itself."""
+    seeks: bool = False
+    """Whether agents that tell their ranges look for the target elsewhere while these deny the place."""
+    supposes: bool = False
+    """Whether all tell each other what they measured where ranges of one do not fit."""
+    rejoins: bool = True
+    """Whether one that is wrong takes part again after two ranges that fit, or after many."""
 
     @property
     def constants(self) -> int:

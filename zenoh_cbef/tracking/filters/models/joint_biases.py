@@ -142,7 +142,11 @@ class JointBiases:
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State, covariance and biases from the averaged information, of which the network has n times as much."""
         *prior, bias_row, begins = update.kept
-        averaged = belief_of(payload, update.payload, self.motion.size + self._constants)
+        own = update.payload
+        if np.count_nonzero(begins):
+            # An agent that begins knows of no other's bias but the prior: it has that where it hears not of all.
+            own = np.where(begins[:, None] > 0.0, pack(*self._known(prior[0], prior[1])), own)
+        averaged = belief_of(payload, own, self.motion.size + self._constants)
         averaged = Belief(averaged.state, averaged.known_covariance / self.network_size)
         if self.network_size > 1:
             averaged = unless_alone(averaged, payload, replace(update, kept=tuple(prior)))
@@ -200,8 +204,7 @@ class JointBiases:
 
     def _share(self, state: Floats, covariance: Floats, begins: Bools, own: Rows) -> tuple[Floats, Floats]:
         """The agent's share of what the network knew before its ranges: vector and matrix."""
-        matrix = inverse(covariance) / self.network_size
-        vector = matvec(matrix, state)
+        vector, matrix = self._known(state, covariance)
         if not np.count_nonzero(begins):
             return vector, matrix
         size, count, place = self.motion.size, np.arange(len(state)), self.motion.size + own
@@ -217,6 +220,11 @@ class JointBiases:
         alone = (precision * np.add.reduce(row * state, axis=1))[:, None] * row
         alone[:, :size] += matvec(known, state[:, :size]) / self.network_size
         return np.where(begins[:, None], alone, vector), np.where(begins[:, None, None], first, matrix)
+
+    def _known(self, state: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+        """The n-th part of what a belief tells: vector and matrix."""
+        matrix = inverse(covariance) / self.network_size
+        return matvec(matrix, state), matrix
 
     def _own(self, measurement: Measurement) -> Rows:
         """The agents' places among the biases, (n,)."""
