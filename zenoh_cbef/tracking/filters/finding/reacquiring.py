@@ -9,7 +9,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
-from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
+from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.finding.drifted import drifted
 from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing
@@ -76,8 +76,6 @@ class Reacquiring(Wrapping):
         """Around a filter that says its status. payload_size: of that filter."""
         guesses, ever = settings.guesses and (1, 1), np.iinfo(np.int64).max
         fix = FirstFix.of(settings, around, xi, payload_size)
-        if settings.proves:
-            fix = replace(fix, bias_std=0.0)
         squares = replace(fix, steps=ever, search=settings.anywhere, guesses=guesses, squared=ever)
         if settings.anywhere is None:
             raise ValueError("a filter that looks for its target again has to know where that may be")
@@ -97,8 +95,6 @@ class Reacquiring(Wrapping):
             where = inner.state if self.settings.proves else belief.state
             distance, _ = own_range(self.settings.space, where, measurement.position, np.zeros(len(step)))
             heard = replace(measurement, range=belief.bias.taken_off(measurement.range, distance))
-            if self.settings.proves:
-                heard = replace(heard, range_std=self._noise(belief.bias, search))
         if not idle:
             # Where ranges are real and rare some agents may be adrift alone, and would go without any for long.
             waits = (search.vote > 0.0) if self.settings.proves else (search.adrift > 0.0)
@@ -152,14 +148,6 @@ class Reacquiring(Wrapping):
             *(belief.state, belief.known_covariance),
             *(*nowhere, *nowhere, nowhere[0]),
         )
-
-    def _noise(self, bias: Bias, search: Search) -> Floats:
-        """Standard deviation of ranges of which that bias was taken off, m, (n,), as a fix counts each of them."""
-        settings = self.settings
-        unknown = settings.common_bias_std**2 + settings.own_bias_std**2
-        left = bias.weight * bias.std**2 + (1.0 - bias.weight) * unknown
-        count = np.isfinite(search.ranges).sum(axis=1)
-        return np.asarray(np.sqrt(settings.range_std**2 + left * np.maximum(count, 1)))
 
     def _tag(self, search: Search, step: Floats, known: Status, heard: Bools, few: Bools | None) -> Floats:
         """What agents that are in no fix put into their payloads beside those of the filter, (n,)."""
