@@ -129,9 +129,7 @@ class FilterSettings:
     presumes: bool = True
     """Whether agents presume that ranges fit and that all others are there until they know better."""
     proves: bool = False
-    """Whether another fix has the ranges of its time for itself, knows what agents know of biases, and is proved by
-    ranges that fit it, and a target that was lost needs proof as one that was never found.
-    """
+    """Whether ranges that fit another fix prove it, and a target that was lost needs proof as one never found."""
     hearing: int = 0
     """For how many steps after a range an agent counts as one that hears the target; 0: agents do not count those."""
     calls_roll: bool = True

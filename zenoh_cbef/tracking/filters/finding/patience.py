@@ -47,6 +47,6 @@ def left_to_a_fix(settings: FilterSettings, measurement: Measurement, rows: Bool
     It would linearise them at where it coasted to, and learn biases that are wrong by as much as that, which a fix
     leaves as they are.
     """
-    if not (settings.prompt or settings.proves) or settings.bias == "none" or not np.count_nonzero(rows):
+    if not settings.prompt or settings.bias == "none" or not np.count_nonzero(rows):
         return measurement
     return replace(measurement, range=np.where(rows, np.nan, measurement.range))

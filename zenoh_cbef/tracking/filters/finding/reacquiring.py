@@ -96,9 +96,7 @@ class Reacquiring(Wrapping):
             distance, _ = own_range(self.settings.space, where, measurement.position, np.zeros(len(step)))
             heard = replace(measurement, range=belief.bias.taken_off(measurement.range, distance))
         if not idle:
-            # Where ranges are real and rare some agents may be adrift alone, and would go without any for long.
-            waits = (search.vote > 0.0) if self.settings.proves else (search.adrift > 0.0)
-            measurement = left_to_a_fix(self.settings, measurement, waits | search.fixing)
+            measurement = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
         update = self.filter.update(inner, measurement)
         tag, payload = self._tag(search, step, known, np.isfinite(heard.range), measurement.few), update.payload
         if idle or not (fixing := search.fixing).nonzero()[0].size:
