@@ -218,11 +218,9 @@ class Status:
         if enough is not None:
             which[(scarce >= _SCARCE) | (self.which == COASTING) & ~proved] = COASTING
         which[lost] = LOST
-        if (begins := early | (self.which == ACQUIRING)).nonzero()[0].size:
-            known = proved if most is None else proved | lost
-            which[begins & ~known | early] = ACQUIRING
-        if proves:
-            which[(self.which == LOST) & ~proved & ~lost] = ACQUIRING
+        known = proved if most is None else proved | lost
+        begins = early | (self.which == ACQUIRING) | ((self.which == LOST) if proves else early)
+        which[begins & ~known | early] = ACQUIRING
         seconds[which != self.which] = 0.0
         return type(self)(
             *(which, seconds, steps, fitted, *sums, reference, spread),
