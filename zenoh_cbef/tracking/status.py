@@ -218,9 +218,8 @@ class Status:
         if enough is not None:
             which[(scarce >= _SCARCE) | (self.which == COASTING) & ~proved] = COASTING
         which[lost] = LOST
-        known = proved if most is None else proved | lost
-        begins = early | (self.which == ACQUIRING) | ((self.which == LOST) if proves else early)
-        which[begins & ~known | early] = ACQUIRING
+        begins = (self.which == ACQUIRING) | (proves & (self.which == LOST))
+        which[begins & ~proved & ((most is None) | ~lost) | early] = ACQUIRING
         seconds[which != self.which] = 0.0
         return type(self)(
             *(which, seconds, steps, fitted, *sums, reference, spread),
