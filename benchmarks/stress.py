@@ -38,7 +38,7 @@ LOST = 3.0
 
 COLUMNS = (
     "case", "median (m)", "p90", "max", "lost", "unaware", "twin lost", "strong lost", "ratio to strong", "worst",
-    "NEES/d", "falsely sure (%)",
+    "NEES/d", "falsely sure (%)", "strong NEES/d",
 )  # fmt: skip
 
 
@@ -48,7 +48,8 @@ class Scores:
 
     NEES: while agents say `tracking`, where they say what their estimates are. tracking: how often they say so, of a
     run in which some agents are lost these.
-    wrongly: in what share of the scored steps they say so and are falsely sure.
+    wrongly: in what share of the scored steps they say so and are falsely sure. strong_nees: of the strong yardstick
+    in all scored steps.
     """
 
     network: Floats
@@ -57,6 +58,7 @@ class Scores:
     nees: Floats
     tracking: Floats
     wrongly: Floats
+    strong_nees: Floats
 
     @property
     def best(self) -> Floats:
@@ -86,6 +88,7 @@ class Scores:
             float(ratio.max()),
             float(np.nanmean(self.nees)) if np.isfinite(self.nees).any() else None,
             100.0 * float(self.wrongly.mean()),
+            float(self.strong_nees.mean()),
         ]
 
 
@@ -109,7 +112,7 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
     with np.errstate(all="ignore"):
         traces = [believed(trace) for trace in simulate(scenarios, heard=heard)]
         runs = analyze(traces)
-        twin, best_one = _yardsticks(traces, runs[0].first)
+        twin, best_one, strong_nees = yardsticks(traces, runs[0].first)
     best = np.fmin(twin, best_one)
     return Scores(
         np.array([pick(run.metrics, "position_rmse") for run in runs]),
@@ -118,21 +121,29 @@ def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int =
         np.array([_nees(run) for run in runs]),
         np.array([_tracking(*each) for each in zip(runs, best, strict=True)]),
         np.array([_wrongly(*each) for each in zip(runs, best, strict=True)]),
+        strong_nees,
     )
 
 
-def _yardsticks(traces: Sequence[Trace], first: int) -> tuple[Floats, Floats]:
-    """RMSE of the twin and of the strong yardstick in each run: root mean square over agents of what reaches each."""
+def yardsticks(traces: Sequence[Trace], first: int) -> tuple[Floats, Floats, Floats]:
+    """RMSE of the twin and of the strong yardstick in each run: root mean square over agents of what reaches each.
+
+    And the strong one's NEES over its ideal.
+    """
     reached = [(run, one) for run, trace in enumerate(traces) for one in reaches(trace)]
     heard = [one.trace for _, one in reached]
-    states, _ = strong(*told(heard, len(heard[0].time)))
+    states, covariances = strong(*told(heard, len(heard[0].time)))
     twin = np.array([pick(run.metrics, "centralized.position_rmse") for run in analyze(heard)])
     run, share = np.array([run for run, _ in reached]), np.array([float(len(one.agents)) for _, one in reached])
 
-    def over_agents(errors: Floats) -> Floats:
-        return np.sqrt(np.bincount(run, share * errors**2) / np.bincount(run, share))
+    def over_agents(values: Floats) -> Floats:
+        return np.asarray(np.bincount(run, share * values) / np.bincount(run, share))
 
-    return over_agents(twin), over_agents(_errors(heard, states, first))
+    error = _errors(heard, states, first)
+    whitened = np.linalg.solve(covariances[:, first:, : error.shape[2], : error.shape[2]], error[..., None])[..., 0]
+    nees = np.mean(np.sum(error * whitened, axis=2), axis=1) / error.shape[2]
+    square = np.mean(np.sum(error[:, :, : error.shape[2] // 2] ** 2, axis=2), axis=1)
+    return np.sqrt(over_agents(twin**2)), np.sqrt(over_agents(square)), over_agents(nees)
 
 
 def _heard(plan: Plan, wrong: str) -> Heard:
@@ -162,10 +173,10 @@ def believed(trace: Trace) -> Trace:
 
 
 def _errors(traces: Sequence[Trace], states: Floats, first: int) -> Floats:
+    """Of position and velocity in the scored steps, (runs, steps, d)."""
     kept = traces[0].plan.space.kept
-    axes = len(kept) // 2
-    truth = np.stack([trace.truth for trace in traces])[:, first:, kept[:axes]]
-    return np.asarray(np.sqrt(np.mean(np.sum((states[:, first:, :axes] - truth) ** 2, axis=2), axis=1)))
+    truth = np.stack([trace.truth for trace in traces])[:, first:, kept]
+    return np.asarray(states[:, first:, : len(kept)] - truth)
 
 
 def _nees(run: Analysis) -> float:

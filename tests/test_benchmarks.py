@@ -280,7 +280,7 @@ def test_what_a_search_finds_is_kept_once_as_a_case(tmp_path, monkeypatch):
     (tmp_path / "stress.toml").write_text("")
     case = {"set": ["dt=0.5", 'fault=[{kind="loss",probability=0.6}]'], "wrong": "liar"}
     nothing = np.ones(2)
-    found = stress_search.Found(case, stress.Scores(4.0 * nothing, nothing, nothing, nothing, nothing, nothing))
+    found = stress_search.Found(case, stress.Scores(4.0 * nothing, *6 * [nothing]))
     assert found.excess == 2
     name = stress_search.keep(found)
     assert stress.cases() == {name: case}

@@ -32,20 +32,6 @@ _OURS = "zenoh-cbef"
 _REFERENCE = re.compile(r"([^\W\d]\w*(?:\.[^\W\d]\w*)*):([^\W\d]\w*)", re.ASCII)
 _DIGITS = 16
 
-_FAILURES = (
-    ImportError,
-    SyntaxError,
-    AttributeError,
-    NameError,
-    TypeError,
-    ValueError,
-    LookupError,
-    ArithmeticError,
-    RuntimeError,
-    OSError,
-)
-"""What a module with a mistake raises where it is imported."""
-
 
 class NotInstalledError(ValueError):
     """No package on this host has the class of a name."""
@@ -83,7 +69,7 @@ def find(group: str, name: str, own: tuple[str, ...]) -> Plugin:
     _refuse_strangers(name, top, package)
     try:
         there = import_module(module)
-    except _FAILURES as error:
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - its code may raise anything, or end the program
         if isinstance(error, ModuleNotFoundError) and error.name and f"{module}.".startswith(f"{error.name}."):
             raise NotInstalledError(_missing(error.name)) from None
         raise ValueError(

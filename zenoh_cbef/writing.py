@@ -35,7 +35,7 @@ def make_folder(folder: Path) -> None:
 
 def must_be_new(log: Path, remedy: str) -> None:
     """Raise UserError, with the remedy, where a log is there already, or there is no folder for it."""
-    refuse_no_folder(log, remedy)
+    refuse_no_folder(log, "choose another place for the log")
     if log.exists():
         raise UserError(f"{log} exists and logs are never overwritten; {remedy}")
 

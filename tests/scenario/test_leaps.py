@@ -84,3 +84,10 @@ def test_the_noise_of_a_motion_at_rest_is_not_that_of_a_moving_target():
     assert len(plan.noises) == 5
     assert plan_of(*REST, "filter.acceleration_std=2").motion.acceleration_std == 2.0
     assert rmse(*REST) < 0.5 * rmse(*REST, "filter.defaults=14")
+
+
+def test_a_motion_at_rest_allows_for_as_far_as_the_target_gets_in_a_step():
+    fast = *REST, "target.motion=waypoints", "target.speed=30", "target.waypoints=[[-90,0,0],[0,90,10],[90,0,0]]"
+    plan = plan_of(*fast, rules=16)
+    assert plan.motion.acceleration_std == 2.0 * start.reach(plan.scenario) / plan.scenario.dt**2
+    assert plan_of(*fast, rules=15).noises[-1].acceleration_std < plan.motion.acceleration_std

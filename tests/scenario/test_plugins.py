@@ -38,6 +38,8 @@ def plugged(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "mine.py").write_text(MINE)
     (tmp_path / "broken.py").write_text("import no_such_module_of_ours\n")
+    (tmp_path / "leaving.py").write_text("raise SystemExit(3)\n")
+    (tmp_path / "failing.py").write_text("raise AssertionError('no data')\n")
     yield tmp_path
     for name in [name for name in sys.modules if name.split(".")[0] in {"cbef_example", "mine", "broken"}]:
         del sys.modules[name]
@@ -70,6 +72,8 @@ def test_a_scenario_says_what_its_plugin_is_with_all_options():
         ("filter.kind=gone:Mine", "filter.kind names module 'gone', which is not installed on this host; install"),
         ("filter.kind=mine.filters:Mine", "names module 'mine.filters', which is not installed"),
         ("filter.kind=broken:Mine", r"'broken', which cannot be imported \(ModuleNotFoundError: No module"),
+        ("filter.kind=leaving:Mine", r"'leaving', which cannot be imported \(SystemExit: 3\); correct it"),
+        ("filter.kind=failing:Mine", r"'failing', which cannot be imported \(AssertionError: no data\); correct it"),
         ("filter.kind=mine:Gain", "names 'Gain', but module 'mine' has no class of that name; did you mean 'Gains'"),
         ("filter.kind=cbef_example.filters:Gains", r"is no filter: it lacks of\(\), sharing\(\), update\(\)"),
         ("filter.kind=os:PathLike", "module 'os' of Python itself"),

@@ -84,3 +84,26 @@ def test_recorded_ranges_that_scatter_otherwise_than_the_filter_takes_them_to_ar
 def test_times_in_milliseconds_are_told(tmp_path):
     keys = recorded(tmp_path, 0.1, step=250.0)
     assert any("milliseconds" in warning for warning in said(*keys, "steps=50"))
+
+
+WIDE = ("filter.initial_position=[50,0,0]", "filter.initial_position_std=50")
+
+
+@pytest.mark.parametrize(
+    ("sets", "remedy"),
+    [
+        (("filter.kind=ci",), "or use filter.kind = 'sicf'"),
+        (("filter.kind=diffusion",), "or use filter.kind = 'sicf'"),
+        (("filter.start=given",), "or leave filter.start out"),
+    ],
+)
+def test_a_filter_that_takes_a_wide_guess_as_it_is_is_warned_of(sets, remedy):
+    (told,) = [one for one in said(*sets, *WIDE) if "no first fix" in one]
+    assert "721.7 times" in told
+    assert told.endswith(remedy)
+    assert not [one for one in said(*sets) if "no first fix" in one]
+
+
+@pytest.mark.parametrize("sets", [(), ("filter.kind=icf",), ("filter.kind=cbef",), ("agents.count=16",)])
+def test_not_of_one_that_makes_a_fix_or_needs_none(sets):
+    assert not [one for one in said(*sets, *WIDE) if "no first fix" in one]

@@ -37,3 +37,6 @@ def test_agents_that_coast_drift_where_ranges_bend():
     before = replace(settings, bends=False)
     assert not drifted(before, belief, coasts, np.array([NEAR, FAR])).any()
     assert drifted(before, belief, replace(coasts, reference=spread / 21.0), np.array([NEAR, FAR])).all()
+    # Agents that split their hypotheses would forget them.
+    splits = replace(settings, drifts=False)
+    assert not drifted(splits, belief, replace(coasts, reference=spread / 21.0), np.array([NEAR, FAR])).any()

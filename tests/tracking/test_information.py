@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters import KINDS, Belief, FilterSettings, Update, make_filter, sharing_of
-from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, saturation
+from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size
+from zenoh_cbef.tracking.filters.weighing import saturation
 from zenoh_cbef.tracking.graph import make_edges, neighbours
 from zenoh_cbef.tracking.linalg import pack_upper, unpack_upper
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity

@@ -26,7 +26,7 @@ def crossing(speed, *more):
     return trace.diagnostics.status, trace
 
 
-@pytest.mark.parametrize(("speed", "after"), [(3.0, TRACKING), (0.4, ACQUIRING)])
+@pytest.mark.parametrize(("speed", "after"), [(3.0, TRACKING), (0.3, ACQUIRING)])
 def test_a_fast_target_is_followed_through_the_plane_and_a_slow_one_may_have_turned_back(speed, after):
     status, _ = crossing(speed)
     assert (status[:, 30] == TRACKING).all()
@@ -42,7 +42,7 @@ def test_more_than_three_agents_in_one_plane_lose_the_side_too(rules, said):
 
 
 def test_seconds_count_from_when_the_side_was_lost():
-    status, trace = crossing(0.4)
+    status, trace = crossing(0.3)
     since = np.flatnonzero(status[0, 30:] == ACQUIRING)[0] + 30
     steps = np.arange(100 - since)
     np.testing.assert_allclose(trace.diagnostics.status_seconds[0, since:], 0.1 * steps, atol=1e-9)
@@ -51,7 +51,7 @@ def test_seconds_count_from_when_the_side_was_lost():
 def test_a_fourth_agent_off_the_plane_tells_the_side():
     four = "agents.count=4", "agents.positions=[[-8,-5,0],[8,-4,0],[0,9,0],[1,1,4]]"
     keys = ('fault=[{kind="partition",links={between=[[0,1,2],[3]]},from=3.0,until=7.0}]', "network.graph=complete")
-    status, _ = crossing(0.4, *four, *keys)
+    status, _ = crossing(0.2, *four, *keys)
     # Alone the three lose the side; with the fourth they know it again.
     assert (status[:3, 66] == ACQUIRING).all()
     assert (status[:3, 90:] == TRACKING).all()

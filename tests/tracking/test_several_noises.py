@@ -12,12 +12,13 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.backwards import SeveralMotions
 from zenoh_cbef.tracking.central_models import CentralModels
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 from zenoh_cbef.tracking.reference import Ranges
-from zenoh_cbef.tracking.switching import Switching
+from zenoh_cbef.tracking.switching import Switching, to_noises
 
 DT, STD, AGENTS, STEPS, LEAVING, FAR = 0.2, 0.1, 6, 30, 0.02, 1e5
 NOISES = tuple(NearlyConstantVelocity(DT, std) for std in (0.1, 1.0, 10.0))
@@ -34,9 +35,9 @@ def everyone(part):
     return np.repeat(part, AGENTS, axis=0)
 
 
-def beliefs(alone=()):
+def beliefs(alone=(), settings=SETTINGS):
     """Of a network that averages exactly, but in steps in which the first agent hears no neighbour."""
-    filter_, belief = make_filter("icf", SETTINGS), Belief(*map(everyone, BEGIN))
+    filter_, belief = make_filter("icf", settings), Belief(*map(everyone, BEGIN))
     for k in range(STEPS):
         update = filter_.update(belief, Measurement(PLACES, RANGES[:, k], np.zeros(AGENTS), *no_neighbours(AGENTS)))
         mean = everyone(update.payload.mean(axis=0)[None])
@@ -46,15 +47,37 @@ def beliefs(alone=()):
         yield belief
 
 
-def test_agents_that_average_exactly_are_filters_of_each_noise_where_ranges_are_straight():
-    models, belief = CentralModels(Switching(NOISES, (LEAVING,)), Space(), np.inf), Belief(*BEGIN)
-    for k, mine in enumerate(beliefs()):
+@pytest.mark.parametrize("nearer", [False, True])
+def test_agents_that_average_exactly_are_filters_of_each_noise_where_ranges_are_straight(nearer):
+    settings = replace(SETTINGS, nearer=nearer)
+    assert settings.switching == Switching(NOISES, (LEAVING,), nearer)
+    models, belief = CentralModels(settings.switching, Space(), np.inf), Belief(*BEGIN)
+    for k, mine in enumerate(beliefs(settings=settings)):
         seen = Ranges(PLACES[None], RANGES[None, :, k], np.zeros((1, AGENTS)), np.full((1, AGENTS), STD))
         belief, _ = models.step(belief, seen)
         np.testing.assert_allclose(mine.state, everyone(belief.state), atol=1e-4)
         np.testing.assert_allclose(mine.known_covariance, everyone(belief.known_covariance), rtol=1e-4, atol=1e-6)
         np.testing.assert_allclose(mine.known_chance, everyone(belief.known_chance), atol=1e-3)
     assert belief.known_chance[0].argmax() == 1
+
+
+def test_a_noise_rather_changes_a_little():
+    chances = to_noises([NearlyConstantVelocity(DT, std) for std in (1.0, 2.0, 8.0)], 0.1)
+    np.testing.assert_allclose(chances, [[0.9, 0.08, 0.02], [0.2 / 3, 0.9, 0.1 / 3], [0.1 / 3, 0.2 / 3, 0.9]])
+
+
+@pytest.mark.parametrize(
+    ("keys", "nearer"),
+    [
+        ((), True),
+        (("filter.defaults=15",), False),
+        (("target.motion=circle",), False),  # It may go straight on, and then turn at once.
+    ],
+)
+def test_of_a_target_of_one_noise_it_does(keys, nearer):
+    plan = load("tracking", ["filter.acceleration_std=0.3", *keys]).plan
+    assert plan.settings.nearer is nearer
+    assert len(plan.noises) == 11
 
 
 def test_an_agent_that_hears_no_neighbour_predicts():

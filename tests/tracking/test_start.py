@@ -124,7 +124,7 @@ def test_the_first_fix_ends_as_the_filter_goes_on():
         ["filter.kind=ci"],
         ["consensus.rounds=0"],
         ["consensus.trim=1"],
-        ['fault=[{kind="crash", agents=[2], from=0.5, until=1.0}]'],
+        ['fault=[{kind="crash", agents=[2], from=0.5, until=1.0}]', "filter.defaults=15"],
     ],
 )
 def test_no_first_fix_where_agents_cannot_add_up_their_ranges_or_are_told_not_to(kept):

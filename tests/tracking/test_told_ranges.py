@@ -8,7 +8,7 @@ import pytest
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters.models.splitting import ROUGHLY
+from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.status import COASTING
 
 OUTLIERS = ("dt=2", "sensor.outlier_probability=0.3", "sensor.outlier_scale=20")
@@ -56,6 +56,16 @@ def test_of_several_motions_hypotheses_stay_where_a_step_has_few_ranges(sets, to
         splits = rules == 14 and sets is not CORNERS
         assert plan.splits == ROUGHLY * splits
         assert plan.tells_ranges is (told or splits)
+
+
+@pytest.mark.parametrize(("sets", "closely"), [(RARE, True), (AWAY, False), (FEW, False)])
+def test_agents_with_no_range_to_spare_split_closely_and_may_be_in_one_plane(sets, closely):
+    for rules in (15, 16):
+        settings = Plan(load("tracking", [*sets, f"filter.defaults={rules}"]).scenario).settings
+        now = closely and rules == 16
+        assert settings.splits == (CLOSELY if now else ROUGHLY)
+        assert settings.sides is (now or sets is AWAY)  # A group of these may be cut off that is in a plane.
+        assert settings.drifts is not now
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief, make_filter
-from zenoh_cbef.tracking.filters.information_form import saturated_precision
+from zenoh_cbef.tracking.filters.weighing import saturated_precision
 from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 
 TURNS = (

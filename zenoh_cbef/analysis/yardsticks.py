@@ -19,7 +19,6 @@ from zenoh_cbef.tracking.filters import Belief, level_of
 from zenoh_cbef.tracking.joint import joint_beliefs
 from zenoh_cbef.tracking.motion import begun
 from zenoh_cbef.tracking.reference import Ranges, centralized_beliefs, each_step, posterior_bound
-from zenoh_cbef.tracking.switching import Switching
 
 DOUBT = 1.5
 """From how many times the bound's error on the strong yardstick is computed, which takes long.
@@ -111,13 +110,18 @@ def centralized_steps(plan: Plan, initial: Floats, steps: Iterator[Ranges]) -> I
         for found in joint_beliefs(belief, plan.settings, xi, agents, first):
             belief = Belief(*begun(plan.motion, found.state, found.known_covariance))
             yield belief
-    if motions := plan.models or plan.noises:
-        switching = Switching(motions, plan.settings.leaving)
-        models = CentralModels(switching, plan.space, xi, plan.power, plan.settings.widens)
+    if plan.models or plan.noises:
+        settings = plan.settings
+        models = CentralModels(settings.switching, plan.space, xi, plan.power, settings.widens, settings.weighed)
         yield from centralized_models(belief, models, steps)
     else:
-        widens = plan.settings.widens
-        yield from centralized_beliefs(belief, plan.motion, plan.space, steps, xi=xi, power=plan.power, widens=widens)
+        yield from centralized_beliefs(
+            *(belief, plan.motion, plan.space, steps),
+            xi=xi,
+            power=plan.power,
+            widens=plan.settings.widens,
+            outliers=plan.settings.weighed,
+        )
 
 
 def jointly(plan: Plan) -> bool:

@@ -26,7 +26,6 @@ from zenoh_cbef.tracking.parts import Part, Parts
 from zenoh_cbef.tracking.payloads import InformationPayloads
 from zenoh_cbef.tracking.smoothing import FixedLag
 from zenoh_cbef.tracking.stale import StaleAverage
-from zenoh_cbef.tracking.switching import Switching
 from zenoh_cbef.tracking.tracker import Tracker
 from zenoh_cbef.tracking.triggered import Triggered
 from zenoh_cbef.tracking.trimmed import TrimmedComponents, TrimmedMessages
@@ -208,8 +207,7 @@ def smoother_of(plan: Plan) -> FixedLag | None:
 
 def backwards_of(plan: Plan) -> Backwards:
     """By what a smoother goes back from step to step."""
-    motions = plan.models or plan.noises
-    return SeveralMotions(Switching(motions, plan.settings.leaving)) if motions else OneMotion(plan.motion)
+    return SeveralMotions(plan.settings.switching) if plan.models or plan.noises else OneMotion(plan.motion)
 
 
 def fates_of(plan: Plan, seed: Seeds, source: Ids, destination: Ids, *, realtime: bool = False) -> Fates:

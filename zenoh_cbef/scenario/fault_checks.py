@@ -25,7 +25,7 @@ def refuse(plan: Plan) -> None:
 
 
 def _check_absences(plan: Plan) -> None:
-    scenario, absences, settled = plan.scenario, plan.absences, plan.first_fix_steps
+    scenario, absences, settled = plan.scenario, plan.absences, plan.closed_steps
     if not absences.any:
         return
     if absences.empty is not None:

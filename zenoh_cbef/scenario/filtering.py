@@ -22,10 +22,9 @@ from zenoh_cbef.scenario.motion import (
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.elimination import BY_ELIMINATION
 from zenoh_cbef.tracking.filters import Abilities, abilities_of
-from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import BY_LIBRARY
-from zenoh_cbef.tracking.motion import LinearMotion, Motion
+from zenoh_cbef.tracking.motion import Jump, LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space
 
 
@@ -116,9 +115,8 @@ class Filtering(Meant):
     @property
     def splits(self) -> int:
         """How each motion's hypotheses are split, of agents that tell each other their ranges; 0: it keeps one."""
-        if self.tells_ranges and telling.leaves_curves(self.scenario, self.models or (self.motion,), self.range_std):
-            return CLOSELY
-        return ROUGHLY * (self.tells_ranges and bool(self.models) and self.scenario.filter.defaults > 13)
+        motions = self.models or (self.motion,)
+        return telling.splits(self.scenario, motions, self.range_std) if self.tells_ranges else 0
 
     @alike
     def plain_motion(self) -> LinearMotion:
@@ -191,6 +189,8 @@ class Filtering(Meant):
             models=self.models,
             leaving=leaving(scenario, doubted=bool(self.noises), told=self.tells_ranges),
             noises=self.noises,
+            nearer=chosen.defaults > 15 and bool(self.noises) and scenario.target.motion == "ncv",
+            unseen=chosen.defaults > 15 and isinstance((self.models or (None,))[-1], Jump),
             middle=start.middle(scenario)[: self.space.axes],
             squares=self.squares,
             tells_ranges=self.tells_ranges,
@@ -237,13 +237,15 @@ class Filtering(Meant):
             learns_noise=chosen.range_std == "auto" and not doubts,
             recorded=trust.lasts(scenario) and chosen.defaults > 11,
             outliers=start.outliers(scenario),
+            weighed=trust.weighed_outliers(scenario),
         )
 
     def _finding(self, settings: FilterSettings) -> FilterSettings:
         """With what finds the target, at first and again, and says what the estimate is."""
         scenario, chosen, able, tells = self.scenario, self.scenario.filter, self.abilities, self.tells_ranges
         window = 0 if self.seeks else start.window(scenario, self.settling_steps)
-        mirrored = bending.mirrored(scenario, self.range_std, self.space.axes)
+        drawn_flat = tells and telling.none_to_spare(scenario, self.models)
+        mirrored = drawn_flat or bending.mirrored(scenario, self.range_std, self.space.axes)
         pauses = not tells and bending.may_pause(scenario, self.plain_motion, self.range_std)
         return replace(
             settings,
@@ -256,7 +258,9 @@ class Filtering(Meant):
             reacquires=window,
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),
-            bends=chosen.defaults > 7 and not tells,
+            drifts=not drawn_flat or network.parts(scenario),
+            # At turns among told outliers an estimate is unsure for some steps, though no range is missing.
+            bends=chosen.defaults > 7 and not (tells or (self.models and trust.weighed_outliers(scenario))),
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),
             rejoins=chosen.defaults > 13,
@@ -267,6 +271,7 @@ class Filtering(Meant):
             sides=able.biases and network.may_be_in_a_plane(scenario, self.space.axes, mirrored=mirrored),
             anywhere=start.anywhere(scenario, self.motion, self.space),
             first_fix=self.first_fix_steps,
+            joins_fix=chosen.defaults > 15,
             squared_fix=start.squared_steps(scenario, self.first_fix_steps),
             tries_guess=self.search is not None and start.tries_guess(scenario),
             search=self.search,

@@ -159,6 +159,7 @@ def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings
         velocity_time=chosen.velocity_time,
         turn_rate_std=chosen.turn_rate_std,
         turn_rate_change=chosen.turn_rate_change,
+        throughout=chosen.defaults < 16,
     )
 
 
@@ -170,7 +171,13 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
     of_target = target.motion == "ncv" and not _begins_at_rest(scenario)
     if of_target or (scenario.filter.defaults == 1 and target.motion != "dataset"):
         return target.acceleration_std
-    return RECORDED_ACCELERATION if target.motion == "dataset" else _noise(scenario, range_std, _INDEX)
+    if target.motion == "dataset":
+        return RECORDED_ACCELERATION
+    index = _noise(scenario, range_std, _INDEX)
+    if scenario.filter.defaults < 16 or not _begins_at_rest(scenario) or trust.real(scenario):
+        return index
+    # What takes a target from rest as far as it gets in a step.
+    return max(index, 2.0 * start.reach(scenario) / scenario.dt**2)
 
 
 def recorded_acceleration(told: float | None, interval: float | None, *, defaults: int) -> float:

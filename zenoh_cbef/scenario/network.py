@@ -77,7 +77,7 @@ def counts_hearers(scenario: Scenario) -> bool:
 def may_be_in_a_plane(scenario: Scenario, axes: int, *, mirrored: bool) -> bool:
     """Whether all agents, or a group that is cut off from others, may be as few as make a plane, or a line of two axes.
 
-    Or, by the fifteenth rules, all are in one, wherever a seed places them (mirrored).
+    Or, by the fifteenth rules, all are in one, or may be where a seed places them (mirrored).
 
     For agents that say what their estimates are, and do not presume to be on the side that they are on.
     """

@@ -33,6 +33,11 @@ class Plan(Filtering):
         """Whether rounds have deadlines."""
         return self.scenario.timing.mode == "realtime"
 
+    @property
+    def closed_steps(self) -> int:
+        """In how many of the first steps no agent may begin anew: those of a first fix that it could not join."""
+        return 0 if self.settings.joins_fix and self.search is not None else self.first_fix_steps
+
     @alike
     def isolates(self) -> bool:
         """Whether agents leave out neighbours whose messages their own prediction rules out."""

@@ -30,7 +30,7 @@ def warnings(plan: Plan) -> list[str]:
     recorded = (
         _recorded(plan) if plan.scenario.target.motion == "dataset" else _emulated_noise(plan) + _out_of_plane(plan)
     )
-    return _long_steps(plan) + _long_for_turns(plan) + _coarse(plan) + recorded
+    return _long_steps(plan) + _long_for_turns(plan) + _wide_guess(plan) + _coarse(plan) + recorded
 
 
 def _long_steps(plan: Plan) -> list[str]:
@@ -63,6 +63,24 @@ def _long_for_turns(plan: Plan) -> list[str]:
         f"steps of dt = {number(scenario.dt)} s are long for a target that turns: it gets {number(reach)} m in one, "
         f"and ranges over {number(half_box(scenario))} m bend there by {number(times)} times their noise, which "
         f"filters of several motions take for straight; set dt to {number(shorter)} or less"
+    )
+    return [warning]
+
+
+def _wide_guess(plan: Plan) -> list[str]:
+    """Of a filter that takes its guess as it is, where ranges are not straight over that."""
+    scenario, chosen = plan.scenario, plan.scenario.filter
+    able = plan.abilities.covariance and chosen.measurement == "range"
+    if not able or plan.first_fix_steps or plan.tells_ranges or plan.squares or not start.bends_over_guess(scenario):
+        return []
+    std = float(start.initial_std(scenario)[0])
+    times = std**2 / (2.0 * half_box(scenario) * scenario.sensor.range_std)
+    other = "" if plan.abilities.biases else ", or use filter.kind = 'sicf'"
+    kept = ", or leave filter.start out" if chosen.start == "given" else ""
+    warning = (
+        f"agents make no first fix here, and the filter takes ranges for straight that bend by {number(times)} times "
+        f"their noise over filter.initial_position_std = {number(std)} m: it may lose its target, and be sure of a "
+        f"wrong place; give a better guess{kept}{other}"
     )
     return [warning]
 

@@ -96,9 +96,9 @@ def fix_steps(scenario: Scenario, settling: int, absences: Absences) -> int:
     alone = scenario.count == 1 or scenario.consensus.rounds == 0
     if chosen.start == "given" or chosen.defaults < 2 or alone:
         return 0
-    # An agent that has lost its memory cannot join a fix that is under way.
+    # By the fifteenth rules an agent that has lost its memory cannot join a fix that is under way.
     back = any(absences.reborn(step).any() for step in range(1, min(settling, scenario.length) + 1))
-    return 0 if back else settling
+    return 0 if back and chosen.defaults < 16 else settling
 
 
 def window(scenario: Scenario, settling: int) -> int:

@@ -11,6 +11,7 @@ from zenoh_cbef.scenario import bending, near_plane, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.motion import turning_round
 from zenoh_cbef.tracking.filters import abilities_of
+from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.motion import Motion, NearlyConstantVelocity
 
 
@@ -85,6 +86,21 @@ def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: floa
         return bend * sqrt(scenario.count) > bending.MOST or agile.acceleration_std <= turning_round(scenario)
     flat = near_plane.flat(scenario, range_std, agile.axes)
     return not flat and bending.weakest(scenario, agile, range_std) > bending.STRAIGHT
+
+
+def splits(scenario: Scenario, motions: Sequence[Motion], range_std: float) -> int:
+    """How agents that tell each other their ranges split hypotheses: see `FilterSettings.splits`."""
+    if leaves_curves(scenario, motions, range_std) or none_to_spare(scenario, motions):
+        return CLOSELY
+    return ROUGHLY * (len(motions) > 1 and scenario.filter.defaults > 13)
+
+
+def none_to_spare(scenario: Scenario, motions: Sequence[Motion]) -> bool:
+    """Whether agents that keep several hypotheses of each of several motions are no more than a step's unknowns.
+
+    Between turns ranges then leave curves, and a seed may place four agents in one plane.
+    """
+    return len(motions) > 1 and scenario.count <= motions[0].axes + 1 and scenario.filter.defaults > 15
 
 
 def _comes(scenario: Scenario) -> bool:

@@ -8,6 +8,7 @@ from zenoh_cbef.faults import Fault, SenderFault, SensorDropout, SensorFault, Se
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.filters.models import joint_biases
+from zenoh_cbef.tracking.outliers import Outliers
 
 _XI = {1: 1.5, 2: 2.0}
 """Saturation level by the saturation's power, in standard deviations.
@@ -181,6 +182,19 @@ def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:
         untold = fixed and chosen.defaults > 2 and scenario.target.motion == "ncv" and chosen.motion == "auto"
     told = scenario.sensor.outlier_probability > 0.0 or (chosen.defaults > 14 and _has(scenario, SensorSpikes))
     return 2 if told or untold else 1
+
+
+def weighed_outliers(scenario: Scenario) -> Outliers | None:
+    """The outliers of emulated receivers of which the scenario tells, where agents weigh ranges by their distribution.
+
+    They saturate ranges where the scenario asks for that, or tells nothing of what is wrong.
+    """
+    chosen, sensor = scenario.filter, scenario.sensor
+    left_open = (chosen.xi, chosen.saturation) == ("auto", "auto") and abilities_of(chosen.kind).outliers
+    told = sensor.outlier_probability > 0.0 and not real(scenario)
+    if chosen.defaults < 16 or not (left_open and told):
+        return None
+    return Outliers(sensor.outlier_probability, sensor.outlier_scale)
 
 
 def widens(scenario: Scenario, *, power: int, wide: bool) -> bool:

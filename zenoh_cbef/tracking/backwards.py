@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import Motion
@@ -107,7 +108,11 @@ class SeveralMotions:
     def kept(self, belief: Belief) -> Belief:
         """Probabilities and beliefs of all models, wherever they stand in it; during a first fix, all models alike."""
         if (found := _motions(belief)) is not None:
-            return found
+            if not self.switching.unseen:
+                return found
+            # A turn that the ranges of a step do not show those of the next one do.
+            beliefs = [(one.state, one.known_covariance) for one in found.parts]
+            return replace(found, covariance=self.switching.combined(found.known_chance, beliefs)[1])
         chance, beliefs = self.switching.begun(belief.state, belief.known_covariance)
         return Belief(belief.state, belief.covariance, chance=chance, parts=tuple(Belief(*one) for one in beliefs))
 

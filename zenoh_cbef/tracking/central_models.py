@@ -10,6 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.reference import Ranges, Taken, taken_in
 from zenoh_cbef.tracking.switching import Switching, misfit
@@ -20,7 +21,7 @@ class CentralModels:
     """One filter that sees every range at once, for each of several motions, and what weighs them.
 
     xi: saturation level in standard deviations, infinite for none. power: of the saturation. widens: see
-    `saturated_precision`.
+    `saturated_precision`. outliers: in place of all three.
     """
 
     switching: Switching
@@ -28,6 +29,7 @@ class CentralModels:
     xi: float
     power: int = 1
     widens: bool = False
+    outliers: Outliers | None = None
 
     def step(self, belief: Belief, seen: Ranges) -> tuple[Belief, Taken]:
         """The belief after one step's ranges, and what the likeliest motion says of them.
@@ -40,13 +42,19 @@ class CentralModels:
             chance, beliefs = belief.chance, [(one.state, one.known_covariance) for one in belief.parts]
         ahead, mixtures = self.switching.mixed(chance, beliefs)
         taken = [
-            taken_in(Belief(*mixture), motion, self.space, seen, xi=self.xi, power=self.power, widens=self.widens)
+            taken_in(
+                *(Belief(*mixture), motion, self.space, seen),
+                xi=self.xi,
+                power=self.power,
+                widens=self.widens,
+                outliers=self.outliers,
+            )
             for motion, mixture in zip(self.switching.motions, mixtures, strict=True)
         ]
         misfits = [misfit(one.cost, one.prior[1], one.posterior[1]) for one in taken]
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts = [one.posterior for one in taken]
-        mixture = self.switching.combined(chance, parts)
+        mixture = self.switching.claimed(chance, parts)
         joined = Belief(*mixture, chance=chance, parts=tuple(Belief(*one) for one in parts))
         return joined, _likeliest(taken, self.switching.of_models(ahead))
 

@@ -15,13 +15,12 @@ from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, SQUARES, 
 from zenoh_cbef.tracking.filters.around.learned_noise import learned
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.finding.tried_guess import first_fix
-from zenoh_cbef.tracking.filters.information_form import saturated_precision, saturation
 from zenoh_cbef.tracking.filters.models.biased_information import forgetting
+from zenoh_cbef.tracking.filters.weighing import saturated_precision, saturation
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, no_neighbours, own_range
 from zenoh_cbef.tracking.reference import Ranges, each_step, stacked
-from zenoh_cbef.tracking.switching import Switching
 
 
 def joint_centralized(
@@ -89,9 +88,8 @@ class _Joint:
         runs = len(initial.state)
         self._sums, self._evidence = np.full((runs, 3), BEGIN), Evidence(settings.likelihoods)
         self._shares = SQUARES.begun(runs)
-        switching = Switching(settings.models, settings.leaving)
         how = xi, settings.power, settings.widens
-        self._models = CentralModels(switching, settings.space, *how) if settings.models else None
+        self._models = CentralModels(settings.switching, settings.space, *how) if settings.models else None
         self._scale, self._seen = np.zeros((runs, agents)), np.zeros((runs, agents))
         self.begin(initial)
 

@@ -25,7 +25,7 @@ class Measurement:
     at all. alike: (n,), the correlation of an error with those before it, from 0 on; None: not known. agent: (n,), the
     agents' numbers, None where those are no matter. few: (n,), which agents hear so few others that their ranges do not
     tell where the target is; None: none. overcounted: (n,), how often n times an agent's average counts a range that
-    the network has once; None: once.
+    the network has once; None: once. forgets: whether a first fix does without the ranges of earlier steps, too.
     """
 
     position: Floats
@@ -41,6 +41,7 @@ class Measurement:
     agent: Ints | None = None
     few: Bools | None = None
     overcounted: Floats | None = None
+    forgets: bool = False
 
 
 def no_neighbours(agents: int) -> tuple[Floats, Floats]:

@@ -9,9 +9,11 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.information_form import predict, saturated_precision, saturation
+from zenoh_cbef.tracking.filters.information_form import predict
+from zenoh_cbef.tracking.filters.weighing import weigh
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
+from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space, own_range
 from zenoh_cbef.tracking.switching import Gaussian
 
@@ -34,8 +36,8 @@ class Taken:
     """All agents' ranges of a step taken in by the filter of one motion, for r runs.
 
     prior, posterior: states (r, s) and covariances (r, s, s). innovation (m): (r, n), 0 where nothing was measured.
-    spread: its standard deviation as predicted, m, (r, n). measured: (r, n). precision: of the ranges after the
-    saturation, 1/m^2, weight: that over what it was before, (r, n). pull: their part of the information vector, (r, s).
+    spread: its standard deviation as predicted, m, (r, n). measured: (r, n). costs: of the ranges at
+    the prior, (r, n). pull: their part of the information vector, (r, s).
     """
 
     prior: Gaussian
@@ -43,8 +45,7 @@ class Taken:
     innovation: Floats
     spread: Floats
     measured: Bools
-    weight: Floats
-    precision: Floats
+    costs: Floats
     pull: Floats
 
     @property
@@ -55,17 +56,24 @@ class Taken:
     @property
     def cost(self) -> Floats:
         """What `misfit` asks for, (r,)."""
-        cost = np.sum(self.precision * self.innovation**2 - np.log(self.weight), axis=1)
-        return np.asarray(cost - np.sum((self.posterior[0] - self.prior[0]) * self.pull, axis=1))
+        return np.asarray(np.sum(self.costs, axis=1) - np.sum((self.posterior[0] - self.prior[0]) * self.pull, axis=1))
 
 
 def taken_in(
-    belief: Belief, motion: Motion, space: Space, seen: Ranges, *, xi: float, power: int = 1, widens: bool = False
+    belief: Belief,
+    motion: Motion,
+    space: Space,
+    seen: Ranges,
+    *,
+    xi: float,
+    power: int = 1,
+    widens: bool = False,
+    outliers: Outliers | None = None,
 ) -> Taken:
     """One step of the extended information filter on all agents' ranges, for r runs at once.
 
     belief: (r, s), (r, s, s). Each range is saturated at xi of its own standard deviations, as in sicf; infinite xi
-    turns that off. power: of the saturation. widens: see `saturated_precision`.
+    turns that off. power: of the saturation. widens: see `saturated_precision`. outliers: in place of all three.
     """
     runs, agents = seen.range.shape
     state, covariance = predict(motion, belief)
@@ -74,14 +82,18 @@ def taken_in(
     innovation = np.where(measured, seen.range - predicted.reshape(runs, agents), 0.0)
     variance = seen.std**2
     spread = np.sqrt(np.add.reduce(rows * (rows @ covariance), axis=2) + variance)
-    weight = np.where(measured, saturation(innovation, xi * spread, power), 1.0)
-    precision = saturated_precision(np.where(measured, weight, 0.0), variance, spread, widens=widens)
-    if widens:
-        weight = np.where(measured, precision * variance, 1.0)
+    weighed = weigh(
+        *(innovation, spread, variance, measured, variance), xi=xi, power=power, widens=widens, outliers=outliers
+    )
+    precision = weighed.precision
+    weight = np.where(measured, precision * variance if widens else weighed.weight, 1.0)
+    cost = precision * innovation**2 - np.log(weight) if weighed.cost is None else measured * weighed.cost
     weighted = precision[:, :, None] * rows
     # Where the target is lost by far, a covariance may be so long in one direction that it is singular: that run ends.
     updated = inverse(inverse(covariance) + weighted.swapaxes(1, 2) @ rows)
     pull = np.add.reduce(weighted * innovation[:, :, None], axis=1)
+    if weighed.more is not None:
+        pull += np.add.reduce(weighed.more[:, :, None] * rows, axis=1)
     posterior = state + matvec(updated, pull), updated
     return Taken(
         prior=(state, covariance),
@@ -89,8 +101,7 @@ def taken_in(
         innovation=innovation,
         spread=spread,
         measured=measured,
-        weight=weight,
-        precision=precision,
+        costs=cost,
         pull=pull,
     )
 
@@ -112,11 +123,13 @@ def centralized_beliefs(
     xi: float,
     power: int = 1,
     widens: bool = False,
+    outliers: Outliers | None = None,
 ) -> Iterator[Belief]:
     """The centralised filter's beliefs of K steps, for r runs. initial: (r, s), (r, s, s)."""
     belief = initial
     for seen in steps:
-        belief = Belief(*taken_in(belief, motion, space, seen, xi=xi, power=power, widens=widens).posterior)
+        taken = taken_in(belief, motion, space, seen, xi=xi, power=power, widens=widens, outliers=outliers)
+        belief = Belief(*taken.posterior)
         yield belief
 
 

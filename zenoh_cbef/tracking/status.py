@@ -121,13 +121,14 @@ class Status:
     scarce: Floats
 
     @classmethod
-    def first(cls, count: int, *, proves: bool = False) -> Self:
-        """Before the first step of so many agents. proves: whether it is of ranges that fit, and not of doubtful ones.
+    def first(cls, count: int, steps: int = 0, *, proves: bool = False) -> Self:
+        """Before the first step of so many agents. steps: how many the network has had without them.
 
-        A network of few agents has lost its target by so little doubt.
+        proves: whether it is of ranges that fit, and not of doubtful ones: few agents have lost by so little doubt.
         """
         none = np.zeros(count)
         known = {"misfit": np.full(count, _BEGUN * (not proves)), "weight": np.full(count, _BEGUN)}
+        known |= {"steps": none + steps}
         known |= {"reference": np.full(count, np.inf), "own": np.full(count, DOUBT)}
         return cls(**{one.name: known.get(one.name, none) for one in fields(cls)})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,10 +29,15 @@ class Switching:
     in one step; every other model is then equally likely. Where several are given, the ranges decide between them: the
     chain is one of pairs, of a probability to leave and a model, and all pairs of one model have that model's estimate.
     So probabilities of pairs are (n, R M) for R such probabilities, all models of the first one first.
+
+    nearer: models differ in their noise, and the next one is likelier near the last (see `to_noises`). unseen: what is
+    claimed allows for a turn that ranges do not show yet (see `claimed`).
     """
 
     motions: tuple[Motion, ...]
     leaving: tuple[float, ...]
+    nearer: bool = False
+    unseen: bool = False
 
     @property
     def size(self) -> int:
@@ -99,6 +105,11 @@ class Switching:
         ways, ahead = [[np.zeros(len(chance))] * count for _ in range(count)], []
         for rate, leaving in enumerate(self.leaving):
             these = before[:, rate * count : (rate + 1) * count]
+            if self.nearer:
+                moves = these[:, :, None] * to_noises(self.motions, leaving)
+                ahead += [np.add.reduce(moves[:, :, j], axis=1) for j in range(count)]
+                ways = [[ways[j][i] + moves[:, i, j] for i in range(count)] for j in range(count)]
+                continue
             total = np.add.reduce(these, axis=1) if len(self.leaving) > 1 else 1.0
             other = leaving / max(1, count - 1)
             for j in range(count):
@@ -122,12 +133,45 @@ class Switching:
         weights = [likely[:, j] for j in range(len(self.motions))]
         return moments(weights, [(state[:, :size], covariance[:, :size, :size]) for state, covariance in beliefs])
 
+    def claimed(self, chance: Floats, beliefs: list[Gaussian]) -> Gaussian:
+        """As `combined`, and for a turn in the last part of the step, which ranges do not show yet.
+
+        A target that turns at t before the end of the step, and goes on as fast in any direction, changes its velocity
+        by s in each axis, s^2 = 2 |v|^2/axes, and its position by s t. The most agile model has such jumps at any t,
+        but as one Gaussian: where the place fits the other models it excludes a late turn, too. Ranges tell the
+        position to S in each axis, by that model's estimate, so they leave the part S/(s D) of all turns in a step D.
+        As far as that is likelier than the model itself, s^2 is added to the variance of the velocity.
+        """
+        mean, covariance = self.combined(chance, beliefs)
+        if not self.unseen:
+            return mean, covariance
+        axes, step = self.motions[-1].axes, self.motions[-1].dt
+        into = self._chain(chance)[1][-1]
+        turns = np.add.reduce(np.stack(into[:-1]), axis=0)
+        told = np.exp(np.linalg.slogdet(beliefs[-1][1][:, :axes, :axes])[1] / (2 * axes))
+        square = 2.0 / axes * np.add.reduce(mean[:, axes : 2 * axes] ** 2, axis=1)
+        late = np.minimum(told / np.maximum(np.sqrt(square) * step, np.finfo(np.float64).tiny), 1.0)
+        more = np.maximum(turns * late - self.of_models(chance)[:, -1], 0.0) * square
+        covariance[:, range(axes, 2 * axes), range(axes, 2 * axes)] += more[:, None]
+        return mean, covariance
+
     def _as_of(self, belief: Gaussian, i: int, j: int) -> Gaussian:
         """A belief of model i in the components of j; of those that i does not have, j begins anew."""
         if type(self.motions[i]) is type(self.motions[j]):
             return belief
         state, covariance = belief
         return begun(self.motions[j], state[:, : self.size], covariance[:, : self.size, : self.size])
+
+
+def to_noises(motions: Sequence[Motion], leaving: float) -> Floats:
+    """Probabilities (M, M) that the target goes from one noise to another in a step.
+
+    It rather changes a little: to twice or half the noise is twice as likely as to four times or a quarter of it. Were
+    all others as likely, the largest would say most of what the velocity may be.
+    """
+    noise = np.array([one.acceleration_std for one in motions])
+    shares = np.minimum(noise[:, None] / noise, noise / noise[:, None]) - np.eye(len(noise))
+    return np.asarray(leaving * shares / np.add.reduce(shares, axis=1)[:, None] + (1.0 - leaving) * np.eye(len(noise)))
 
 
 def _over_rates(chance: Floats, count: int) -> Floats:

@@ -68,3 +68,9 @@ def test_a_status_says_that_nothing_can_be_seen():
     blind = told(AFTER, []) | {"unobservable": "ranges of 2 agents fit every point of a circle"}
     assert "the position cannot be determined: ranges of 2 agents fit" in headline(read_status(blind)).plain
     assert "determined" not in headline(read_status(told(AFTER, []))).plain
+
+
+def test_a_fault_that_is_on_is_told_without_the_last_bits_of_its_times():
+    faults = json.dumps([{"fault": 2, "kind": "loss", "from": 0.1 * 33, "probability": 0.2}])
+    said = headline(read_status(told(AFTER, []) | {"faults": faults})).plain
+    assert "fault 2 is on: loss from=3.3 probability=0.2" in said

@@ -89,6 +89,7 @@ def test_any_other_bit_is_found_and_named(judged, kind, change, what):
     verdict = judged(kind, change)
     assert verdict.result == "different"
     assert f"different: {what}" in verdict.text
+    assert "np." not in verdict.text
 
 
 def test_a_tolerance_lets_the_last_bit_pass_and_says_so(judged):

@@ -73,3 +73,24 @@ def test_a_held_run_makes_single_rounds_and_is_proved(world):
     last = int(told["step"]) - 1
     apart = (trace.estimates[:LIAR, last, :3] - trace.truth[last, :3]) ** 2
     assert float(told["error"]) == pytest.approx(float(np.sqrt(apart.sum(axis=1).mean())))
+
+
+def test_an_agent_that_comes_back_knows_the_faults_that_begin_with_its_first_step(world):
+    run = world.under_way("steps=100000", "network.graph=complete")
+    with Operator(*reach(world.run)) as operator:
+
+        def pid() -> int | None:
+            return operator.status().agents[LIAR].where.pid
+
+        step, before = operator.hold(on=True)["step"] or 0, pid()
+        since = operator.inject({"kind": "crash", "agents": [LIAR]}, 1.0)["from"]
+        back = round(since / 0.1) + 10
+        operator.hold(on=True, steps=back - 5 - step)  # some more may be under way
+        # It is there again, and has been told of all faults until now.
+        until(lambda: pid() != before, back)
+        operator.inject({"kind": "outage", "agents": [0], "from": since + 1.0}, 0.5)
+        operator.hold(on=False)
+        until(lambda: (operator.status().step or 0) > back + 10, back)
+        operator.stop()
+    run.communicate(timeout=100)
+    world.verdict()

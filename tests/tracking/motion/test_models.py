@@ -105,8 +105,9 @@ def test_a_stationary_target_does_not_go_on():
     motion = linear(make_motion("stationary", SETTINGS))
     state = np.arange(1.0, 7.0)[None]
     np.testing.assert_array_equal(motion.predict_state(state), [[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]])
-    ncv = linear(make_motion("ncv", SETTINGS))
-    np.testing.assert_array_equal(motion.process_noise, ncv.process_noise)
+    for throughout, other in ((False, "jump"), (True, "ncv")):
+        one = linear(make_motion("stationary", replace(SETTINGS, throughout=throughout)))
+        np.testing.assert_array_equal(one.process_noise, linear(make_motion(other, SETTINGS)).process_noise)
 
 
 def test_a_jump_has_the_moments_of_jumps_at_any_moment_of_a_step():

@@ -83,7 +83,9 @@ def _and_more(names: list[str]) -> str:
 
 
 def _keys_of(fault: dict[str, object]) -> str:
-    rest = [f"{key}={json.dumps(value)}" for key, value in fault.items() if key not in {"fault", "kind"}]
+    # Times of steps are as exact as floats are: 3.3000000000000003.
+    short = {key: round(value, 9) if isinstance(value, float) else value for key, value in fault.items()}
+    rest = [f"{key}={json.dumps(value)}" for key, value in short.items() if key not in {"fault", "kind"}]
     return " ".join([str(fault["kind"]), *rest])
 
 

@@ -142,7 +142,7 @@ class Comparison:
             return
         first = int(np.argmax(logged.view(np.uint64).ravel() != executed.view(np.uint64).ravel()))
         raise Different(
-            f"{what}[{first}] is {logged.ravel()[first]!r} in the log and {executed.ravel()[first]!r} when executed"
+            f"{what}[{first}] is {logged.item(first)!r} in the log and {executed.item(first)!r} when executed"
         )
 
 

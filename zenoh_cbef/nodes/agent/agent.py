@@ -114,6 +114,8 @@ class Agent:
                     self._news.heed()
                 elif self._news.heard < self._lists:
                     self._news.await_(self._lists, step)
+                if step == entry.before + 1:
+                    entry.adopt()
                 self._step(step, beacon, there=not self.plan.absences.any or self._heed_absences(step))
             except Stopped:
                 break

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -39,10 +40,15 @@ _RETURN_SECONDS = 2.0
 
 @dataclass(frozen=True)
 class Entry:
-    """before: the step before an agent's first one. epoch: when step 0 is or was, s on the monotonic clock."""
+    """before: the step before an agent's first one. epoch: when step 0 is or was, s on the monotonic clock.
+
+    adopt: takes over what neighbours know, once the faults that begin with the first step are known; they say who can
+    tell it.
+    """
 
     before: int
     epoch: float
+    adopt: Callable[[], None] = lambda: None
 
 
 class Entrant(Protocol):
@@ -88,8 +94,11 @@ class Entrance:
         self._neighbourhood.drain(start["k"])
         self._neighbourhood.look_around()
         self._of.rejections.start()
-        if self._members is not None and start["k"] > 0:
-            self._adopt(start["k"])
+        if self._members is None or start["k"] == 0:
+            return Entry(start["k"], epoch)
+        if not self._of.plan.realtime:
+            return Entry(start["k"], epoch, partial(self._adopt, start["k"]))
+        self._adopt(start["k"])
         return Entry(start["k"], epoch)
 
     def epoch(self, at: float | None, sent: int) -> float:

@@ -73,7 +73,7 @@ class Target:
         self.following = Following(self.node, self.progress, self.scenario.count * (self.plan.rounds + 3))
         self.survey = Survey(self.node)
         self.lookout, self._strangers = Lookout(self.node), Strangers(self.node)
-        self._first_fix = self.plan.first_fix_steps
+        self._closed = self.plan.closed_steps
         self._epoch = self._alone_at = 0.0
         self._faults_out = self.node.outbox(self.node.keys.faults)
         self._active: set[int] = set()
@@ -224,7 +224,7 @@ class Target:
 
     def _admit(self, step: int) -> None:
         """Let agents that came since begin with this step, unless the scenario has them away."""
-        if step <= self._first_fix + 1:
+        if step <= self._closed + 1:
             return
         for agent in self.progress.newcomers():
             if not self.plan.absences.at(step)[agent]:

@@ -100,7 +100,7 @@ class Abilities:
     count shared noise more than once. covariance: it knows how far its estimate may be off. biases: it estimates
     biases of ranges, begins with a first fix, and may linearise after averaging. noise: the range noise can be learned
     online around it. models: one for each of several motions may stand side by side, as an update keeps prior state and
-    covariance.
+    covariance. outliers: it weighs ranges by how outliers are spread of which the scenario tells.
     """
 
     information: bool = False
@@ -110,6 +110,7 @@ class Abilities:
     biases: bool = False
     noise: bool = False
     models: bool = False
+    outliers: bool = False
 
 
 @dataclass(frozen=True)

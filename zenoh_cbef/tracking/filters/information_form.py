@@ -9,6 +9,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.weighing import saturation, weigh
 from zenoh_cbef.tracking.linalg import (
     BY_LIBRARY,
     LEAST,
@@ -22,6 +23,7 @@ from zenoh_cbef.tracking.linalg import (
     unpack_upper,
 )
 from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Measurement, Space, differenced_rows, filled, own_range
 
 _CLEARLY = 0.01
@@ -70,6 +72,7 @@ def own_information(
     xi: float,
     power: int = 1,
     widens: bool = False,
+    outliers: Outliers | None = None,
 ) -> RangeInformation:
     """Information of the agent's own range, linearised at the prior and saturated.
 
@@ -78,7 +81,7 @@ def own_information(
 
     state: (n, s), covariance: (n, s, s), the prior. range_std: sigma, m, unless the measurement
     says otherwise. xi: saturation level in standard deviations. power: see `saturation`. widens: see
-    `saturated_precision`.
+    `saturated_precision`. outliers: of which the scenario tells, where they decide in place of the saturation.
     """
     predicted, row = own_range(space, state, measurement.position, measurement.age)
     measured = np.isfinite(measurement.range)
@@ -87,14 +90,14 @@ def own_information(
     innovation[missing] = 0.0
     variance = variance_of(measurement, range_std)
     spread = _spread(row, covariance, variance)
-    weight = saturation(innovation, xi * spread, power)
-    said = told(measured, innovation, weight, spread)
-    weight[missing] = 0.0
-    precision = saturated_precision(weight, informing(measurement, variance), spread, widens=widens)
+    informs = informing(measurement, variance)
+    weighed = weigh(
+        innovation, spread, variance, measured, informs, xi=xi, power=power, widens=widens, outliers=outliers
+    )
     return RangeInformation(
-        (precision * (innovation + np.add.reduce(row * state, axis=1)))[:, None] * row,
-        precision[:, None, None] * (row[:, :, None] * row[:, None]),
-        said,
+        weighed.along(innovation + np.add.reduce(row * state, axis=1))[:, None] * row,
+        weighed.precision[:, None, None] * (row[:, :, None] * row[:, None]),
+        told(measured, innovation, weighed.weight, spread),
     )
 
 
@@ -266,33 +269,3 @@ def unchanged(payload: Floats, own: Floats) -> Bools:
         return np.asarray(first)
     near = np.abs(payload - own) <= _ROUNDING * np.maximum.reduce(np.abs(own), axis=1)[:, None]
     return np.asarray(np.logical_and.reduce(near, axis=1))
-
-
-def saturated_precision(weight: Floats, variance: Floats, spread: Floats, *, widens: bool) -> Floats:
-    """What a saturated range of this noise tells, 1/m^2, (...); weight: 0 where there is none.
-
-        w/sigma^2, or if it widens  1/(sigma^2 + S (1/w - 1)),  S = H P H^T + sigma^2
-
-    The first bounds what a range pulls at a prior that is as sure as the range. Where the prior is wide, H P H^T far
-    above sigma^2, even w/sigma^2 outweighs it, and the estimate follows an outlier nearly all the way. The second
-    takes the whole innovation to have the variance S/w, so a range pulls w times as far as it would, with
-    any prior. spread: the root of S, m.
-    """
-    if not widens:
-        return weight / variance
-    there, above = weight > 0.0, weight.copy()
-    above[~there] = 1.0
-    return there / (variance + spread**2 * (1.0 / above - 1.0))
-
-
-def saturation(innovation: Floats, level: Floats, power: int = 1) -> Floats:
-    """Gain min(1, level/|innovation|)^power of the saturated innovation.
-
-    Times the innovation it is Huber's function for power 1, which bounds it, and falls off again for power 2.
-    """
-    size = np.abs(innovation)
-    inside = size <= level
-    if np.logical_and.reduce(inside, axis=None):
-        return inside.astype(np.float64)
-    gain = np.where(inside, 1.0, level / np.where(size > 0.0, size, 1.0))
-    return gain if power == 1 else gain**power

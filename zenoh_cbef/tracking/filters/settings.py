@@ -10,7 +10,9 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
 from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space
+from zenoh_cbef.tracking.switching import Switching
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,10 @@ class FilterSettings:
     """Probabilities, of which ranges choose, that the target leaves its motion in a step."""
     noises: tuple[Motion, ...] = ()
     """The motion with the noises of which ranges choose; none: its noise is not in doubt."""
+    nearer: bool = False
+    """Whether a noise rather changes a little."""
+    unseen: bool = False
+    """Whether what agents claim allows for a turn that ranges do not show yet."""
     ties: bool = False
     """Whether steps may be so long that a target which turns is anywhere after one (see tying.py)."""
     splits: int = 0
@@ -72,6 +78,8 @@ class FilterSettings:
     """A range below it, m, is none where ranges are squared, as its square is another one's."""
     outliers: tuple[float, float] | None = None
     """What share of the ranges are too long, and by how much (m) on average, where the scenario tells so."""
+    weighed: Outliers | None = None
+    """The same, where these decide what a range counts for, in place of the saturation."""
     distrusts: bool = False
     """Whether agents give their own implausible ranges less weight."""
     recovers: float = 0.0
@@ -111,6 +119,8 @@ class FilterSettings:
     # The first fix, by least squares on the first ranges.
     first_fix: int = 0
     """Over how many steps it improves the initial estimate, a guess; 0: there is none."""
+    joins_fix: bool = False
+    """Whether an agent that begins anew joins a fix that is under way, and a group counts the ranges of one once."""
     squared_fix: int = 0
     """How many of these steps are on squared ranges."""
     search: tuple[Floats, Floats] | None = None
@@ -138,6 +148,8 @@ class FilterSettings:
     """Whether the agents' places leave open where the target is, so that they never say that they track it."""
     sides: bool = False
     """Whether agents say so when they do not know on which side of them the target is."""
+    drifts: bool = True
+    """Whether agents that have coasted too far begin another fix."""
     bends: bool = False
     """Whether agents coast no further than ranges are straight lines."""
     reacquires: int = 0
@@ -156,6 +168,12 @@ class FilterSettings:
     """Whether all tell each other what they measured where ranges of one do not fit."""
     rejoins: bool = True
     """Whether one that is wrong takes part again after two ranges that fit, or after many."""
+
+    @property
+    def switching(self) -> Switching:
+        """Between which motions the target switches, or noises, and how."""
+        motions = self.models or self.noises or (self.motion,)
+        return Switching(motions, self.leaving, nearer=self.nearer, unseen=self.unseen)
 
     @property
     def constants(self) -> int:

@@ -13,6 +13,7 @@ from zenoh_cbef.tracking.motion.turn import CoordinatedTurn
 
 __all__ = [
     "MOTIONS",
+    "Jump",
     "LinearMotion",
     "Motion",
     "MotionSettings",

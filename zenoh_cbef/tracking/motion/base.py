@@ -19,6 +19,7 @@ class MotionSettings:
     dt: of a step, s. acceleration_std: q, m/s^2. axes: 3, or 2 in a plane. interval: how long a random acceleration
     lasts, s; None: one step. velocity_time: time constant of a velocity that decays, s. turn_rate_std: of a
     turn's rate before the first step, rad/s; turn_rate_change: by what share of it the rate changes in a step.
+    throughout: whether a stationary target is pushed all the step long.
     """
 
     dt: float
@@ -28,6 +29,7 @@ class MotionSettings:
     velocity_time: float = 10.0
     turn_rate_std: float = 1.0
     turn_rate_change: float | None = None
+    throughout: bool = False
 
     @property
     def stepwise_std(self) -> float:

@@ -4,16 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
-from zenoh_cbef.tracking.motion.base import LinearMotion, along_axes
+from zenoh_cbef.tracking.motion.base import LinearMotion, MotionSettings, along_axes
+from zenoh_cbef.tracking.motion.jump import Jump
+from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
 
 
 @dataclass(frozen=True)
 class Stationary(LinearMotion):
-    """p(k+1) = p(k) + D^2 w(k)/2, v(k+1) = D w(k), w ~ N(0, q^2 I): each step begins at rest, and q may push it."""
+    """p(k+1) = p(k) + w_p(k), v(k+1) = w_v(k), with the noise of `Jump`: a target at rest, pushed at any moment.
+
+    throughout: pushed all the step long, as in the nearly-constant-velocity model. Then a target that goes on seems to
+    be twice as fast as it is, as each step begins at rest.
+    """
+
+    throughout: bool = False
+
+    @classmethod
+    def of(cls, settings: MotionSettings) -> Self:
+        """The model of these settings."""
+        return cls(settings.dt, settings.stepwise_std, settings.axes, settings.throughout)
 
     @cached_property
     def transition(self) -> Floats:
@@ -22,6 +36,6 @@ class Stationary(LinearMotion):
 
     @cached_property
     def process_noise(self) -> Floats:
-        """Q, (s, s), that of the nearly-constant-velocity model."""
-        gain = np.kron(np.array([[0.5 * self.dt**2], [self.dt]]), np.eye(self.axes))
-        return np.asarray(self.acceleration_std**2 * gain @ gain.T)
+        """Q, (s, s)."""
+        like = NearlyConstantVelocity if self.throughout else Jump
+        return np.asarray(like(self.dt, self.acceleration_std, self.axes).process_noise)

@@ -64,7 +64,8 @@ class CutOff(Wrapping):
             std = np.sqrt(variance_of(measurement, self.settings.range_std) + added)
             measurement = replace(measurement, range_std=std, few=few)
         update = self.filter.update(inner, measurement)
-        quiet = self.filter.update(inner, unheard(measurement)).payload if apart else update.payload
+        nothing = replace(unheard(measurement), forgets=self.settings.joins_fix)
+        quiet = self.filter.update(inner, nothing).payload if apart else update.payload
         if measurement.agent is None:
             raise ValueError("agents that may be cut off have numbers")
         told = roll_call.told(known, measurement.agent)

@@ -14,9 +14,12 @@ from zenoh_cbef.tracking.status import Status
 def drifted(settings: FilterSettings, belief: Belief, status: Status, position: Floats) -> Bools:
     """Which agents have coasted too far to linearise at their estimate, (n,). position: theirs, (n, 3), m.
 
-    Those whose claimed error is twenty times the usual one, or over whose claimed error ranges bend.
+    Those whose claimed error is twenty times the usual one, or over whose claimed error ranges bend. No agents that
+    all go by hypotheses which follow the bend of ranges: a fix would forget them.
     """
     coasts = status.coasts
+    if not settings.drifts:
+        return np.zeros_like(coasts)
     if not settings.bends or not np.count_nonzero(coasts):
         return status.adrift
     bends = bent(settings.space, belief.state, belief.known_covariance, position, settings.range_std)

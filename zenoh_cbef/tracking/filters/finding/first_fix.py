@@ -11,19 +11,13 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.finding.prior import carried, together
 from zenoh_cbef.tracking.filters.finding.remembered_ranges import Remembered, Rows, Wandering, contamination
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Frame, Seen, SquaredRanges
-from zenoh_cbef.tracking.filters.information_form import (
-    belief_of,
-    pack,
-    packed_size,
-    predict,
-    saturation,
-    told,
-    variance_of,
-)
+from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, predict, told, variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion, matvec, neighbour_sum, outer
+from zenoh_cbef.tracking.filters.weighing import saturation
+from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion, matvec, neighbour_sum
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -58,7 +52,7 @@ class FirstFix(Wrapping):
     of its own. outliers: what share of the ranges are too long, and by how much on average, m (contamination).
     own_bias_std: of the agents' own biases, m, where beta^2 is counted as an error that all m ranges share, and not as
     m beta^2 in each, and the filter begins with what the fix says of these biases; 0: neither. least: the least range
-    that is squared, m. inversion: of matrices.
+    that is squared, m. joins: whether an agent that begins anew joins a fix that is under way. inversion: of matrices.
     """
 
     power: ClassVar[int] = 1
@@ -79,6 +73,7 @@ class FirstFix(Wrapping):
     outliers: tuple[float, float] | None = None
     own_bias_std: float = 0.0
     least: float = -np.inf
+    joins: bool = False
     inversion: Inversion = BY_LIBRARY
 
     @classmethod
@@ -102,6 +97,7 @@ class FirstFix(Wrapping):
             guesses=settings.guesses,
             own_bias_std=settings.own_bias_std if settings.told_biases else 0.0,
             least=settings.least,
+            joins=settings.joins_fix and settings.search is not None,
             inversion=settings.inversion,
         )
 
@@ -115,6 +111,7 @@ class FirstFix(Wrapping):
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The agent's share of the information in all ranges so far; after the fix the filter's update."""
+        belief = self._joined(belief, measurement.step) if self.joins and belief.parts else belief
         if belief.parts:
             inner = self.filter.update(belief.parts[0], measurement)
             return Update(inner.payload, inner.diagnostics, inner.kept, (inner,))
@@ -126,6 +123,18 @@ class FirstFix(Wrapping):
             inner = self.filter.conclude(payload, update.parts[0])
             return Belief(inner.state, inner.covariance, inner.bias, parts=(inner,))
         return self._fixed(payload, update)
+
+    def resumed(self, belief: Belief) -> Belief:
+        """A belief of neighbours, marked: only the step that follows tells whether the fix is still under way."""
+        return replace(super().resumed(belief), memory=(np.ones(len(belief.state)),) * self.joins)
+
+    def _joined(self, belief: Belief, step: int | None) -> Belief:
+        """The belief of an agent that begins anew without ranges and a guess, in a fix if that is still under way."""
+        if not belief.memory or step is None or step > self.steps:
+            return belief
+        prior, nothing = self._wide(belief, step - 1), Seen.nothing(len(belief.state), step - 1)
+        known = prior.state, prior.known_covariance
+        return Belief(belief.state, belief.covariance, memory=(*known, *nothing, np.zeros_like(belief.state)))
 
     def _share(self, belief: Belief, measurement: Measurement) -> Update:
         """The update of a step of the fix."""
@@ -214,12 +223,7 @@ class FirstFix(Wrapping):
 
     def _wide(self, prior: Belief, step: int) -> Belief:
         """What the squared ranges start from, carried to a step."""
-        if self.search is None:
-            return prior
-        wide, count = Belief(*self.search), len(prior.state)
-        for _ in range(step):
-            wide = Belief(*predict(self.motion, wide))
-        return Belief(np.repeat(wide.state, count, axis=0), np.repeat(wide.known_covariance, count, axis=0))
+        return prior if self.search is None else carried(self.motion, self.search, step, len(prior.state))
 
     def _frame(self, prior: Belief) -> Frame:
         return Frame(prior.state[:, : self.space.axes], np.sqrt(prior.known_covariance[:, 0, 0]))
@@ -229,21 +233,13 @@ class FirstFix(Wrapping):
         new = Seen(measurement.position[:, None], measurement.age[:, None], measurement.range[:, None])
         latest = Belief(*predict(self.motion, belief))
         if not belief.memory:
-            return latest, self._together(belief), new, np.zeros_like(belief.state)
+            prior = together(self.motion, self.space.axes, self.guesses or (1, 1), belief)
+            return latest, prior, new, np.zeros_like(belief.state)
         state, covariance, positions, ages, ranges, correction = belief.memory[:6]
-        seen = Seen(
-            np.concatenate([positions, new.positions], axis=1),
-            np.concatenate([ages + self.motion.dt, new.ages], axis=1),
-            np.concatenate([ranges, new.ranges], axis=1),
-        )
+        if measurement.forgets:
+            ranges = np.full_like(ranges, np.nan)
+        seen = Seen(positions, ages, ranges).followed_by(new, self.motion.dt)
         return latest, Belief(*predict(self.motion, Belief(state, covariance))), seen, correction
-
-    def _together(self, belief: Belief) -> Belief:
-        """The initial estimates, carried to the first step, with what all of them together are worth."""
-        axes, scale = self.space.axes, np.ones(self.motion.size)
-        scale[:axes], scale[axes : 2 * axes] = (number**-0.5 for number in self.guesses or (1, 1))
-        known = belief.known_covariance * outer(scale, scale)
-        return Belief(*predict(self.motion, Belief(belief.state, known)))
 
     def _linearised(
         self, latest: Belief, seen: Seen, correction: Floats, measurement: Measurement
@@ -292,7 +288,6 @@ class FirstFix(Wrapping):
         share = max(1.0, self.network_size / self.space.axes)
         return Wandering(self.motion.acceleration_std**2 * self.motion.dt, share)
 
-    def _excused(self, moved: Floats, expected: Floats) -> Floats:
+    def _excused(self, moved: Floats, expected: Floats) -> Floats:  # noqa: ARG002 - a tried guess needs it
         """By how much a correction widens what ranges (n, k) may be off, m^2; moved: by how much it moved them."""
-        del expected
         return moved

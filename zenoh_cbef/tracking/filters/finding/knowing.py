@@ -51,7 +51,8 @@ class Knowing(Wrapping):
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update, and the two numbers."""
         inner = belief.parts[0] if belief.parts else belief
-        status = belief.status or Status.first(len(belief.state), proves=self.settings.proves)
+        passed = (measurement.step or 1) - 1 if self.settings.joins_fix else 0
+        status = belief.status or Status.first(len(belief.state), passed, proves=self.settings.proves)
         update = self.filter.update(inner, measurement)
         nis, degrees = update.diagnostics.nis, update.diagnostics.nis_degrees
         heard = np.isfinite(nis) & (degrees > 0)

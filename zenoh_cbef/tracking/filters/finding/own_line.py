@@ -9,7 +9,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.finding.remembered_ranges import Wandering
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
-from zenoh_cbef.tracking.filters.information_form import saturation
+from zenoh_cbef.tracking.filters.weighing import saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec
 
 _LEVEL = 3.0

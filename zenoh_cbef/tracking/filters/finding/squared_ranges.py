@@ -10,7 +10,8 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size, saturation
+from zenoh_cbef.tracking.filters.information_form import belief_of, pack, packed_size
+from zenoh_cbef.tracking.filters.weighing import saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum, outer
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
@@ -43,6 +44,12 @@ class Seen:
     def nothing(count: int, steps: int) -> tuple[Floats, Floats, Floats]:
         """Positions, ages and ranges of so many agents in steps in which nothing was measured."""
         return np.zeros((count, steps, 3)), np.zeros((count, steps)), np.full((count, steps), np.nan)
+
+    def followed_by(self, new: Seen, dt: float) -> Seen:
+        """With what was seen a step of dt (s) later, besides."""
+        positions, ages, ranges = self.positions, self.ages + dt, self.ranges
+        pairs = (positions, new.positions), (ages, new.ages), (ranges, new.ranges)
+        return Seen(*(np.concatenate(pair, axis=1) for pair in pairs))
 
     def later(self, new: Measurement, dt: float, **changes: Floats) -> Self:
         """A step of dt (s) later: with what was measured in it in place of the oldest, and with other changes."""

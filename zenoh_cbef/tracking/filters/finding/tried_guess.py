@@ -62,7 +62,8 @@ class TriedGuess(FirstFix):
         """The agent's share of the information in all ranges so far, or whether these fit."""
         latest, prior, seen, correction = self._history(belief, measurement)
         variance, rows = self._linearised(latest, seen, correction, measurement)
-        left = belief.memory[-1] if belief.memory else np.ones(len(latest.state))
+        joins = len(belief.memory) == 6  # and has no guess that could be tried
+        left = belief.memory[-1] if belief.memory and not joins else np.full(len(latest.state), -1.0 if joins else 1.0)
         if self._asks(seen.steps):
             fits = self._fitting(rows, seen)[:, None]
             payload = self._filled(np.concatenate([fits, rows.newest], axis=1) if self.careful else fits)

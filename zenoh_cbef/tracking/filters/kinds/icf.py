@@ -16,7 +16,7 @@ from zenoh_cbef.tracking.filters.settings import FilterSettings
 class InformationWeighted(SaturatedInformation):
     """ICF of Kamal, Farrell, Roy-Chowdhury (IEEE TAC 58(12), 2013): sicf that does not saturate."""
 
-    abilities: ClassVar = replace(SaturatedInformation.abilities, saturates=False)
+    abilities: ClassVar = replace(SaturatedInformation.abilities, saturates=False, outliers=False)
 
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:

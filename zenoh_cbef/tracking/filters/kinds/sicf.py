@@ -20,6 +20,7 @@ from zenoh_cbef.tracking.filters.information_form import (
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion, matvec
 from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 
@@ -42,7 +43,8 @@ class SaturatedInformation:
 
     range_std: sigma (m). network_size: n. xi: saturation level in standard
     deviations, infinite for the plain ICF. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
-    widens: whether a range far off widens its whole innovation, not its noise alone. inversion: of P_i and O_i.
+    widens: whether a range far off widens its whole innovation, not its noise alone. outliers: of which the scenario
+    tells; their distribution then decides in place of the saturation. inversion: of P_i and O_i.
     """
 
     motion: Motion
@@ -52,9 +54,12 @@ class SaturatedInformation:
     xi: float = np.inf
     power: int = 1
     widens: bool = False
+    outliers: Outliers | None = None
     inversion: Inversion = BY_LIBRARY
 
-    abilities: ClassVar = Abilities(information=True, saturates=True, biases=True, noise=True, models=True)
+    abilities: ClassVar = Abilities(
+        information=True, saturates=True, biases=True, noise=True, models=True, outliers=True
+    )
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -73,6 +78,7 @@ class SaturatedInformation:
             xi=settings.xi,
             power=settings.power,
             widens=settings.widens,
+            outliers=settings.weighed,
             inversion=settings.inversion,
         )
 
@@ -86,6 +92,7 @@ class SaturatedInformation:
             xi=self.xi,
             power=self.power,
             widens=self.widens,
+            outliers=self.outliers,
         )
         payload = pack(matvec(prior, state) + own.vector, prior + own.matrix)
         return Update(payload, own.diagnostics, (state, covariance))

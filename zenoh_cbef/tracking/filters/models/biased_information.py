@@ -16,13 +16,12 @@ from zenoh_cbef.tracking.filters.information_form import (
     informing,
     pack,
     packed_size,
-    saturated_precision,
-    saturation,
     told,
     unless_alone,
     variance_of,
 )
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.filters.weighing import saturated_precision, saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
 from zenoh_cbef.tracking.motion import LinearMotion, beside_constants, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range

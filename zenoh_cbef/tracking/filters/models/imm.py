@@ -11,10 +11,12 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Sharing, Update
-from zenoh_cbef.tracking.filters.information_form import saturated_precision, unchanged, variance_of
+from zenoh_cbef.tracking.filters.information_form import unchanged, variance_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.filters.weighing import saturated_precision
 from zenoh_cbef.tracking.linalg import matvec, unpack_upper
-from zenoh_cbef.tracking.ranging import Measurement
+from zenoh_cbef.tracking.outliers import Outliers
+from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 from zenoh_cbef.tracking.switching import Gaussian, Switching
 
 
@@ -37,7 +39,8 @@ class InteractingModels:
     filters: one for each motion, alike but for it; their payloads are V and O, their updates keep prior state and
     covariance. range_std: sigma (m). network_size: n. middle: a point (m) near all agents and the same for all, from
     which x is counted in c: far off, c would lose its digits. widens: the filters do (see `saturated_precision`), and
-    w_i is what makes w_i/sigma^2 that precision.
+    w_i is what makes w_i/sigma^2 that precision. outliers: the filters weigh ranges by these, and c_i has what they say
+    of the range in place of its terms.
     """
 
     filters: tuple[Filter, ...]
@@ -45,7 +48,9 @@ class InteractingModels:
     range_std: float
     network_size: int
     middle: tuple[float, ...]
+    space: Space
     widens: bool = False
+    outliers: Outliers | None = None
 
     @classmethod
     def sharing(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Sharing]) -> Sharing:
@@ -60,9 +65,8 @@ class InteractingModels:
     def of(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Filter]) -> Self:
         """The filter of these settings; of_one: makes the filter of one motion."""
         filters = tuple(of_one(replace(settings, motion=motion)) for motion in settings.models)
-        switching = Switching(settings.models, settings.leaving)
-        around = settings.middle, settings.widens
-        return cls(filters, switching, settings.range_std, settings.network_size, *around)
+        around = settings.middle, settings.space, settings.widens, settings.weighed
+        return cls(filters, settings.switching, settings.range_std, settings.network_size, *around)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """All models' updates; what is said of the innovation is the likeliest model's."""
@@ -101,20 +105,30 @@ class InteractingModels:
 
     def mixture(self, chance: Floats, beliefs: Sequence[Belief]) -> Gaussian:
         """The mean of all models' beliefs and its covariance; chance: (n, R M)."""
-        return self.switching.combined(chance, [_gaussian(one) for one in beliefs])
+        return self.switching.claimed(chance, [_gaussian(one) for one in beliefs])
 
     def _own_cost(self, part: Update, ahead: Floats, measurement: Measurement) -> Floats:
         """c_i, (n,), of one model's update. ahead: (n,), its probability before the step."""
-        told, (state, covariance) = part.diagnostics, part.kept
-        variance, often = variance_of(measurement, self.range_std), measurement.overcounted
+        state, covariance = part.kept
+        often = measurement.overcounted
+        own = np.nan_to_num(self._misfit(part, measurement))
+        own = own if often is None else own / often
+        before = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(ahead)
+        return np.asarray(own + self._explained(part.payload, state) + before / self.network_size)
+
+    def _misfit(self, part: Update, measurement: Measurement) -> Floats:
+        """-2 log of the own range's likelihood at the prior, (n,), but for what is the same for all models."""
+        told, variance = part.diagnostics, variance_of(measurement, self.range_std)
+        if self.outliers is not None:
+            state, covariance = part.kept
+            distance, row = own_range(self.space, state, measurement.position, measurement.age)
+            spread = np.sqrt(np.add.reduce(row * matvec(covariance, row), axis=1) + variance)
+            return self.outliers.informed(measurement.range - distance, spread, variance).cost
         weight, square = told.weight, told.innovation**2
         if self.widens:
             spread = np.sqrt(square / np.where(told.nis > 0.0, told.nis, 1.0))
             weight = variance * saturated_precision(weight, variance, spread, widens=True)
-        own = np.nan_to_num(weight * square / variance - np.log(weight))
-        own = own if often is None else own / often
-        before = np.linalg.slogdet(covariance)[1] - 2.0 * np.log(ahead)
-        return np.asarray(own + self._explained(part.payload, state) + before / self.network_size)
+        return weight * square / variance - np.log(weight)
 
     def _explained(self, payload: Floats, state: Floats) -> Floats:
         """2 x^T V - x^T O x for states (n, s), with the origin in the middle."""

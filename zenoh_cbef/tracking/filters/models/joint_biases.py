@@ -16,16 +16,16 @@ from zenoh_cbef.tracking.filters.information_form import (
     informing,
     pack,
     packed_size,
-    saturated_precision,
-    saturation,
     told,
     unless_alone,
     variance_of,
 )
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.filters.weighing import weigh
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
 from zenoh_cbef.tracking.motion import LinearMotion, beside_constants, linear
+from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 MOST = 12
@@ -63,7 +63,7 @@ class JointBiases:
     The bias that an agent tells is what it takes off its range: d_i + s |p - p_i|.
 
     range_std: sigma (m). network_size: n. own_std, common_std: beta and gamma, m. xi: saturation level in standard
-    deviations. power, widens: as in sicf. scale_std: 0 where ranges have no share in common.
+    deviations. power, widens, outliers: as in sicf. scale_std: 0 where ranges have no share in common.
     """
 
     motion: LinearMotion
@@ -74,6 +74,7 @@ class JointBiases:
     xi: float = np.inf
     power: int = 1
     widens: bool = False
+    outliers: Outliers | None = None
     common_std: float = 0.0
     scale_std: float = 0.0
 
@@ -95,6 +96,7 @@ class JointBiases:
             xi=xi,
             power=settings.power,
             widens=settings.widens,
+            outliers=settings.weighed,
             common_std=settings.common_bias_std,
             scale_std=settings.scale_std,
         )
@@ -129,15 +131,17 @@ class JointBiases:
         bias = np.add.reduce(bias_row * state, axis=1)
         innovation = np.where(measured, measurement.range - distance - bias, 0.0)
         spread = np.sqrt(np.add.reduce(row * matvec(covariance, row), axis=1) + variance)
-        weight = saturation(innovation, self.xi * spread, self.power)
-        weighed = np.where(measured, weight, 0.0)
-        precision = saturated_precision(weighed, informing(measurement, variance), spread, widens=self.widens)
-        equivalent = innovation + np.add.reduce(row * state, axis=1)
-        payload = pack(
-            vector + (precision * equivalent)[:, None] * row, matrix + precision[:, None, None] * outer(row, row)
+        weighed = weigh(
+            *(innovation, spread, variance, measured, informing(measurement, variance)),
+            xi=self.xi,
+            power=self.power,
+            widens=self.widens,
+            outliers=self.outliers,
         )
+        along = weighed.along(innovation + np.add.reduce(row * state, axis=1))
+        payload = pack(vector + along[:, None] * row, matrix + weighed.precision[:, None, None] * outer(row, row))
         kept = state, covariance, bias_row, begins
-        return Update(payload, told(measured, innovation, weight, spread), kept)
+        return Update(payload, told(measured, innovation, weighed.weight, spread), kept)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """State, covariance and biases from the averaged information, of which the network has n times as much."""

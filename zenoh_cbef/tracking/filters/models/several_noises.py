@@ -16,6 +16,7 @@ from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
 from zenoh_cbef.tracking.motion import LinearMotion, Predicted, linear
 from zenoh_cbef.tracking.ranging import Measurement, unheard
+from zenoh_cbef.tracking.switching import to_noises
 
 
 @dataclass(frozen=True)
@@ -37,16 +38,18 @@ class SeveralNoises:
     disagree about a measurement, which a model of much noise follows too far. So here agents agree on x alone, and move
     all models by what theirs is off.
 
-    Models mix at each step as in Blom and Bar-Shalom (IEEE TAC 33(8), 1988). As the target takes to all other noises
+    Models mix at each step as in Blom and Bar-Shalom (IEEE TAC 33(8), 1988). Where the target takes to all other noises
     alike, model j begins with two parts: the mixture of all models, and its own.
 
     filter: of one motion, which takes its belief for a prediction. motions: linear ones, alike but for their noise.
-    leaving: the probability that the target takes to another noise, in a step.
+    leaving: the probability that the target takes to another noise, in a step; nearer: rather to a near one (see
+    `to_noises`).
     """
 
     filter: Filter
     motions: tuple[LinearMotion, ...]
     leaving: float
+    nearer: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Sharing]) -> Sharing:
@@ -59,7 +62,7 @@ class SeveralNoises:
         motion = settings.motion
         predicted = Predicted(motion.dt, motion.acceleration_std, motion.axes)
         motions = tuple(linear(one) for one in settings.noises)
-        return cls(of_one(replace(settings, motion=predicted)), motions, settings.leaving[0])
+        return cls(of_one(replace(settings, motion=predicted)), motions, settings.leaving[0], settings.nearer)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """What the own range tells about the mixture of all predictions, and that mixture's mean."""
@@ -105,18 +108,32 @@ class SeveralNoises:
         carried = self.moved(belief, belief) if belief.chance is None else belief
         means = np.stack([one.state for one in carried.parts], axis=1)
         spreads = np.stack([one.known_covariance for one in carried.parts], axis=1)
-        mean, spread = _mixture(carried.known_chance, means, spreads)
+        begun = self._near if self.nearer else self._alike
+        ahead, begin, whole = begun(carried.known_chance, means, spreads)
+        transition = self.motions[0].transition
+        noise = np.stack([one.process_noise for one in self.motions])
+        return ahead, matvec(transition, begin), transition @ whole @ transition.T + noise
+
+    def _near(self, chance: Floats, means: Floats, spreads: Floats) -> tuple[Floats, Floats, Floats]:
+        """How likely the models are a step later, and what each begins it with: a mixture of all, its own."""
+        moves = chance[:, :, None] * to_noises(self.motions, self.leaving)
+        ahead = np.add.reduce(moves, axis=1)
+        begin, whole = np.empty_like(means), np.empty_like(spreads)
+        for j in range(len(self.motions)):
+            begin[:, j], whole[:, j] = _mixture(moves[:, :, j] / ahead[:, j, None], means, spreads)
+        return ahead, begin, whole
+
+    def _alike(self, chance: Floats, means: Floats, spreads: Floats) -> tuple[Floats, Floats, Floats]:
+        """The same where the target takes to all other noises alike."""
+        mean, spread = _mixture(chance, means, spreads)
         other = self.leaving / (len(self.motions) - 1)
-        stays = (1.0 - self.leaving - other) * carried.known_chance
+        stays = (1.0 - self.leaving - other) * chance
         ahead = stays + other
         own = (stays / ahead)[:, :, None]
         begin = own * means + (1.0 - own) * mean[:, None]
         apart, away = (outer(one, one) for one in (means - begin, mean[:, None] - begin))
         own = own[..., None]
-        whole = own * (spreads + apart) + (1.0 - own) * (spread[:, None] + away)
-        transition = self.motions[0].transition
-        noise = np.stack([one.process_noise for one in self.motions])
-        return ahead, matvec(transition, begin), transition @ whole @ transition.T + noise
+        return ahead, begin, own * (spreads + apart) + (1.0 - own) * (spread[:, None] + away)
 
 
 def _mixture(chance: Floats, means: Floats, spreads: Floats) -> tuple[Floats, Floats]:

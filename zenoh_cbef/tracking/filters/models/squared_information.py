@@ -15,14 +15,13 @@ from zenoh_cbef.tracking.filters.information_form import (
     pack,
     packed_size,
     predict,
-    saturated_precision,
-    saturation,
     told,
     unless_alone,
     variance_of,
 )
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.filters.weighing import saturated_precision, saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer, unpack_upper
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space

@@ -84,7 +84,7 @@ class ToldRanges:
         motions = settings.models or settings.noises or (settings.motion,)
         return cls(
             motions=motions,
-            switching=Switching(motions, settings.leaving),
+            switching=settings.switching,
             space=settings.space,
             range_std=settings.range_std,
             network_size=settings.network_size,
@@ -148,7 +148,7 @@ class ToldRanges:
             return self._single(*found[0], own, stays[0])
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
-        return Belief(*self.switching.combined(chance, found), chance=chance, parts=parts_of)
+        return Belief(*self.switching.claimed(chance, found), chance=chance, parts=parts_of)
 
     def _after(self, prior: Priors, heard: Heard, counts: Floats) -> tuple[Branches, tuple[Floats, ...]]:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
