@@ -108,8 +108,7 @@ class Filtering(Meant):
     @property
     def seeks(self) -> bool:
         """Whether they look for a target that those deny to be where it is thought to be, without another fix."""
-        chosen = self.scenario.filter
-        several = self.models or self.noises
+        chosen, several = self.scenario.filter, self.models or self.noises
         return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
     @property
