@@ -28,9 +28,10 @@ Scores = Sequence[tuple[float, float, float, float]]
 class Kind:
     """Anchors (n, 3), a walk (speed m/s, area low and high, m), and what is wrong with the ranges.
 
-    rate: ranges of an anchor per second, least and most. std: of their noise, m. common: the bias of all anchors, own:
-    standard deviation of what each has besides, m. outliers: the share of ranges that are too long, and by how much
-    on average, m. height: the filter's planar height, m; None: it estimates three axes.
+    rate: ranges of an anchor per second, least and most. std: of their noise, m. common: the bias of all anchors,
+    own: standard deviation of what each has besides, m. share: by which all ranges are too long. outliers: the share
+    of ranges that are too long, and by how much on average, m. height: the filter's planar height, m; None: it
+    estimates three axes.
     """
 
     anchors: Callable[[np.random.Generator], Floats]
@@ -44,6 +45,7 @@ class Kind:
     common: float = 0.0
     own: float = 0.0
     outliers: tuple[float, float] = (0.0, 0.0)
+    share: float = 0.0
     height: float | None = None
 
 
@@ -82,13 +84,41 @@ KINDS = {
         _room, (1.0, 1.0, 1.0), (11.0, 7.0, 1.0), **_WALK, common=0.15, own=0.05, height=1.0
     ),
     "far from a small box": Kind(
-        _box, (-25.0, 4.0, 1.0), (25.0, 45.0, 1.0), 1.2, 180.0, 0.1, (9.0, 10.0), 0.09, 0.05, 0.0, (0.006, 30.0), 1.0
+        _box,
+        (-25.0, 4.0, 1.0),
+        (25.0, 45.0, 1.0),
+        1.2,
+        180.0,
+        0.1,
+        (9.0, 10.0),
+        0.09,
+        0.05,
+        0.0,
+        (0.006, 30.0),
+        height=1.0,
     ),
     "drone": Kind(
         _hall, (3.0, 3.0, 2.0), (27.0, 27.0, 9.0), 5.0, 120.0, 0.05, (9.0, 11.0), 0.1, 0.1, 0.05, (0.02, 3.0)
     ),
     "large field": Kind(
-        _field, (-30.0, -25.0, 0.0), (30.0, 25.0, 0.0), 1.0, 400.0, 0.25, (1.1, 1.3), 1.5, 2.5, 0.4, (0.2, 4.0), 0.0
+        _field,
+        (-30.0, -25.0, 0.0),
+        (30.0, 25.0, 0.0),
+        1.0,
+        400.0,
+        0.25,
+        (1.1, 1.3),
+        1.5,
+        2.5,
+        0.4,
+        (0.2, 4.0),
+        height=0.0,
+    ),
+    "hall, scaled": Kind(
+        _hall, (3.0, 3.0, 2.0), (27.0, 27.0, 6.0), 1.5, 120.0, 0.1, (9.0, 11.0), 0.1, 0.1, 0.03, share=0.02
+    ),
+    "slow pallet": Kind(
+        _room, (1.0, 1.0, 1.0), (11.0, 7.0, 1.0), 0.2, 120.0, 0.2, (2.0, 3.0), 0.1, 0.1, 0.05, (0.02, 1.0), height=1.0
     ),
 }
 
@@ -108,7 +138,7 @@ def write(kind: Kind, seed: int, folder: Path) -> None:
         error = bias[anchor] + kind.std * rng.standard_normal(len(at))
         late = rng.uniform(size=len(at)) < kind.outliers[0]
         error += late * rng.exponential(kind.outliers[1] or 1.0, len(at))
-        ranges = np.linalg.norm(position - place, axis=1) + error
+        ranges = (1.0 + kind.share) * np.linalg.norm(position - place, axis=1) + error
         rows += [(t, anchor, value) for t, value in zip(at.tolist(), ranges.tolist(), strict=True)]
     folder.mkdir(parents=True, exist_ok=True)
     _csv(folder / "anchors.csv", "id,x,y,z", [(row, *place) for row, place in enumerate(anchors.tolist())])

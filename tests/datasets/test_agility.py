@@ -56,7 +56,8 @@ def test_a_filter_that_is_told_none_assumes_it_of_a_target_that_is_faster_than_a
     assert assumed(folder) == found
     assert assumed(folder, "filter.defaults=14") is None
     assert assumed(folder, "filter.acceleration_std=2.0") == 2.0
-    assert assumed("recorded:lawnmower") == 1.0
+    assert assumed("recorded:lawnmower") == 0.5
+    assert assumed("recorded:lawnmower", "filter.defaults=15") == 1.0
 
 
 def test_steps_are_shorter_where_a_target_turns_within_them():

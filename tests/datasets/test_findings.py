@@ -211,3 +211,22 @@ def test_a_fix_far_off_does_not_make_the_picture_large(tmp_path):
     assert np.all(low > -5.0)
     assert np.all(high < 30.0)
     assert np.all(low <= good.anchors[:, :2].min(axis=0))
+
+
+def test_a_number_that_stands_for_no_range_is_told(tmp_path):
+    made = as_dataset(written(tmp_path))
+    whole = read_dataset(made)
+    marked = whole.ranges.copy()
+    marked[:200:20] = 65.535
+    said = f"10 ranges are 65.53 m, and all others below {whole.ranges.max():.4g} m: leave out what says that nothing "
+    assert findings(replace(whole, ranges=marked)) == [f"{said}was measured"]
+    marked[0] = whole.ranges[0]
+    assert not any("nothing was measured" in one for one in findings(replace(whole, ranges=marked)))
+
+
+@pytest.mark.parametrize(("heights", "near"), [((2.9, 1.9, 3.0, 2.0, 1.6), True), ((4.4, 0.2, 4.5, 0.3, 2.9), False)])
+def test_anchors_near_one_plane_are_told(tmp_path, heights, near):
+    whole = read_dataset(as_dataset(written(tmp_path, known=0)))
+    places = np.column_stack([whole.anchors[:, :2], heights])
+    found = findings(replace(whole, anchors=places))
+    assert any("may track the mirror image of the target" in one for one in found) == near

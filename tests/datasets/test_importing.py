@@ -173,3 +173,45 @@ def test_logs_of_runs_and_files_that_are_no_text_are_named_as_such(tmp_path):
         ranges.write_bytes(data)
         with pytest.raises(UserError, match=f"ranges.csv is {name}"):
             imported(ranges, "-o", tmp_path / "set")
+
+
+def of_two_tags(tmp_path):
+    folder = tmp_path / "both"
+    folder.mkdir()
+    anchors_in(folder)
+    rows = [f"{0.1 * k},{tag},{name},{distance(k, name) + 3 * tag}"
+            for k in range(20) for name in CORNERS for tag in (0, 1)]  # fmt: skip
+    (folder / "ranges.csv").write_text("\n".join(["t,Tag_ID,anchor_id,range", *rows]))
+    return folder
+
+
+def test_ranges_of_several_targets_are_told_and_those_of_one_are_taken(tmp_path):
+    folder = of_two_tags(tmp_path)
+    assert "ranges.csv has ranges of 2 targets" in imported(folder, "-o", tmp_path / "mixed")
+    said = imported(folder, "-o", tmp_path / "one", "--only", "tag_id=1")
+    assert "--only" not in said
+    found = read_dataset(tmp_path / "one")
+    assert len(found.ranges) == 20 * len(CORNERS)
+    np.testing.assert_allclose(found.ranges[:5], [distance(0, name) + 3 for name in CORNERS], atol=1e-6)
+    for wrong, why in (("tag_id=7", "tag_id is 0 and 1"), ("tag", "is not COLUMN=VALUE"), ("who=1", "has t, Tag_ID")):
+        with pytest.raises(UserError, match=why):
+            imported(folder, "-o", tmp_path / "x", "--only", wrong)
+
+
+def test_ranges_of_nothing_are_left_out_and_odd_times_and_columns_named(tmp_path):
+    folder = tmp_path / "odd"
+    folder.mkdir()
+    anchors_in(folder)
+
+    def said(text, *options):
+        (folder / "ranges.csv").write_text(text)
+        return " ".join(imported(folder, "-o", tmp_path / "set", "--force", *options).split())
+
+    rows = "".join(f"{k},{name},{0 if k == 3 else 9}\n" for k in range(9) for name in "abcde")
+    assert "5 ranges of 0 m, which say that nothing was measured, left out" in said("t,anchor,range\n" + rows)
+    with pytest.raises(UserError, match=r"time of .* has no times, as '23:59:50'"):
+        said("time,anchor,range\n23:59:50,a,3\n23:59:51,b,4\n")
+    with pytest.raises(UserError, match=r'--map "range=d_\*"'):
+        said("t,d_n1,d_n2,d_n3\n0,1,2,3\n")
+    with pytest.raises(UserError, match=r"--map ranges\.range=COLUMN$"):
+        said("t,one,two\n0,1,2\n")

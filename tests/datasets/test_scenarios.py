@@ -130,7 +130,15 @@ def test_what_is_assumed_of_recorded_ranges(tmp_path):
         settings = Plan(scenario_of(folder, unknown, "filter.defaults=3")).settings
         assert (settings.power, settings.distrusts) == ((2, True) if wary else (1, False))
         assert Plan(scenario_of(folder, unknown, "filter.defaults=1")).settings.power == 1
-    assert Plan(scenario_of(folder, "dt=0.2")).motion.acceleration_std == pytest.approx(1.0)
+    assert Plan(scenario_of(folder, "dt=0.2")).motion.acceleration_std == pytest.approx(0.5**0.5)
+
+
+@pytest.mark.parametrize(("interval", "least"), [(0.025, 2.0), (0.2, 0.5**0.5), (10.0, 0.5)])
+def test_a_target_that_seems_calm_may_turn_as_a_person_does_however_rare_its_ranges_are(tmp_path, interval, least):
+    rows = [f"{interval * step:.3f},{anchor},3.0" for step in range(6) for anchor in (3, 7)]
+    folder = write(tmp_path, ranges="\n".join(["t,anchor_id,range", *rows]), truth=None)
+    assert scenario_of(folder).filter.acceleration_std == pytest.approx(least)
+    assert scenario_of(folder, "filter.defaults=15").filter.acceleration_std == 1.0
 
 
 RECORDED = Path(__file__).resolve().parents[3] / "shared" / "data"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from zenoh_cbef.scenario.filtering import Filtering
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
-from zenoh_cbef.tracking.filters.around.evidence import Evidence
+from zenoh_cbef.tracking.filters.around.evidence import SQUARES, Evidence
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise, learned
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
@@ -107,6 +109,24 @@ def test_a_small_gain_counts_where_errors_do_not_last():
     # Where nothing is known of errors, and by the rules of before, all count alike.
     for other in (evidence.of(plain, biased), Evidence().of(plain, biased, np.zeros(3))):
         np.testing.assert_allclose(other[:, 0] - other[:, 1], 0.1)
+
+
+def test_what_a_share_of_all_ranges_gains_counts_the_more_the_less_errors_last():
+    one = np.ones(2)
+    gains, alike = (0.1 * one, 1.0 * one), np.array([0.0, 0.95])
+    for without, wanted in ((1.03, [1.0, 0.0]), (1.0, [0.0, 0.0]), (0.97, [0.0, 0.0])):
+        said = replace(SQUARES, lasting=True).of((0.1 * one, without * one), gains, alike)
+        np.testing.assert_allclose(said[:, 0] - said[:, 1], (without - 1.0) / np.array([0.1, 1.0]))
+        assert replace(SQUARES, lasting=True).weight(said).tolist() == wanted
+    # A loss in one step is a loss, and not cut off as a count below zero is.
+    assert replace(SQUARES, lasting=True).least.tolist() == [-np.inf, 0.0, 0.0]
+    assert SQUARES.least.tolist() == Evidence(lasting=True).least.tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(("rules", "weighs"), [(15, False), (16, True)])
+def test_a_share_of_recorded_ranges_is_weighed_so_by_the_rules_of_today(rules, weighs):
+    filtering = Filtering(load("lawnmower", [f"filter.defaults={rules}"]).scenario)
+    assert filtering.settings.weighs_shares is weighs
 
 
 @pytest.mark.parametrize(("rules", "weighs"), [(14, False), (15, True)])

@@ -54,6 +54,10 @@ def _import(
     separator: Annotated[
         str | None, typer.Option(rich_help_panel=_CSV, help="What parts columns; else guessed.")
     ] = None,
+    only: Annotated[
+        str | None,
+        typer.Option(metavar="COLUMN=VALUE", rich_help_panel=_CSV, help="Only these rows of ranges, as tag=7."),
+    ] = None,
     topic: Annotated[
         list[str] | None, typer.Option("--topic", rich_help_panel=_BAG, help="Only ranges of this topic; repeatable.")
     ] = None,
@@ -71,7 +75,7 @@ def _import(
     if not source.exists():
         raise UserError(f"there is no {source}; name a CSV file, a folder, or a ROS bag")
     _refuse_own_log(source)
-    reading = Reading(map_of(mapped or ()), units, separator)
+    reading = Reading(map_of(mapped or ()), units, separator, only)
     if bag_in(source):
         raw = _from_bag(source, anchors, truth, reading, Bags(reading.mapped, units, topic or (), types=types or ()))
     else:

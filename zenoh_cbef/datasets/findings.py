@@ -20,6 +20,10 @@ from zenoh_cbef.words import counted
 _SELDOM, _OFTEN = 10.0, 1e-5
 """Intervals of an anchor's ranges, s, that are none of a receiver's."""
 _WORDS = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+_NEAR, _IN_SPACE = 0.1, 4
+"""Anchors are near a plane that are off it by less than this share of their extent along it; so many are in space."""
+_OFTEN_ALIKE = 10
+"""So many ranges that are equal to the last digit, and the largest by far, are no ranges."""
 _WHOLE = 0.99
 """A truth of so much of the time is one of all."""
 
@@ -32,16 +36,39 @@ def findings(dataset: Dataset) -> list[str]:
         return [f"{few}; import more of the recording", *_silent(dataset)]
     twice = copied(dataset) or overlaid(dataset)
     wrong = stuck_anchors(dataset) or scaled_anchors(dataset) or _unit(dataset)
-    wrong += _clock(dataset)
+    wrong += _clock(dataset) + _marks(dataset)
     silence = gap(dataset)
     late = None if wrong or not dataset.has_truth else lateness(dataset)
     order = [] if wrong or late is not None else swapped(dataset)
-    return [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *order]
+    told = [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *order]
+    return told + _mirrored(dataset)
 
 
 def _unit(dataset: Dataset) -> list[str]:
     unit = odd_unit(dataset)
     return [] if unit is None else [unit.said]
+
+
+def _marks(dataset: Dataset) -> list[str]:
+    """A number that receivers write where they measured nothing, as 65.535: the largest, often the same, far beyond."""
+    most = float(dataset.ranges.max())
+    count, others = int((dataset.ranges == most).sum()), dataset.ranges[dataset.ranges < most]
+    if count < _OFTEN_ALIKE or not len(others) or most < 2.0 * float(others.max()):
+        return []
+    said = f"{counted(count, 'range')} are {number(most)} m, and all others below {number(float(others.max()))} m"
+    return [f"{said}: leave out what says that nothing was measured"]
+
+
+def _mirrored(dataset: Dataset) -> list[str]:
+    """Whether anchors in space, as under a ceiling, are so near one plane that ranges fit a mirror image as well."""
+    count = len(dataset.anchors)
+    if is_planar(dataset) or count < _IN_SPACE:
+        return []
+    spread = np.linalg.svd(dataset.anchors - dataset.anchors.mean(axis=0), compute_uv=False) / np.sqrt(count)
+    if spread[2] > _NEAR * spread[1]:
+        return []
+    near = f"anchors are {number(float(spread[2]))} m off one plane, and a run may track the mirror image of the target"
+    return [f"{near}; give filter.planar_height, or at least filter.initial_position on its side of that plane"]
 
 
 def _clock(dataset: Dataset) -> list[str]:

@@ -108,8 +108,7 @@ class Filtering(Meant):
     @property
     def seeks(self) -> bool:
         """Whether they look for a target that those deny to be where it is thought to be, without another fix."""
-        chosen = self.scenario.filter
-        several = self.models or self.noises
+        chosen, several = self.scenario.filter, self.models or self.noises
         return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
     @property
@@ -223,6 +222,7 @@ class Filtering(Meant):
             joint_biases=joint,
             likelihoods=trust.rules(scenario) > 1,
             weighs_lasting=chosen.defaults > 14,
+            weighs_shares=chosen.defaults > 15,
             common_bias_std=trust.common_bias_std(scenario, self.range_std, joint=joint),
             own_bias_std=trust.own_bias_std(scenario, self.range_std),
             scale_std=trust.scale_std(scenario) if joint else 0.0,
@@ -263,6 +263,7 @@ class Filtering(Meant):
             rejoins=chosen.defaults > 13,
             cut_off=scenario.consensus.rounds * (able.biases and network.tells_members(scenario)),
             presumes=trust.presumes(scenario),
+            proves=trust.proves(scenario),
             undetermined=chosen.defaults > 13 and bending.undetermined(scenario, self.range_std, self.space.axes),
             sides=able.biases and flat,
             hearers_count=chosen.defaults > 15 and network.counts_hearers(scenario),

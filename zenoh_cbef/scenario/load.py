@@ -23,7 +23,7 @@ from zenoh_cbef.plain import read_toml, whole
 from zenoh_cbef.scenario.library import Library
 from zenoh_cbef.scenario.mistakes import sentence
 from zenoh_cbef.scenario.model import MOST_STEPS, Scenario
-from zenoh_cbef.scenario.motion import RECORDED_ACCELERATION
+from zenoh_cbef.scenario.motion import recorded_acceleration
 from zenoh_cbef.scenario.paths import step_times
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.plugged import PackageAbsentError, lacking, stamped
@@ -206,8 +206,8 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     if scenario.filter.acceleration_interval is None:
         data["filter"]["acceleration_interval"] = dataset.interval
         if scenario.filter.acceleration_std is None and scenario.filter.defaults > 14:
-            # A target may turn faster than a person walks; one that seems slower may still turn between two ranges.
-            data["filter"]["acceleration_std"] = max(RECORDED_ACCELERATION, agility(dataset) or 0.0)
+            told, rules = agility(dataset), scenario.filter.defaults
+            data["filter"]["acceleration_std"] = recorded_acceleration(told, dataset.interval, defaults=rules)
     today = scenario.filter.defaults > 11
     if scenario.filter.range_std == "auto" and (today or "range_std" not in scenario.sensor.model_fields_set):
         # A noise that begins far below the true one comes too late for the first fix, and for biases.

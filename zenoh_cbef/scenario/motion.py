@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from zenoh_cbef.scenario import start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
@@ -12,6 +14,9 @@ from zenoh_cbef.tracking.motion import LinearMotion, Motion, MotionSettings, Nea
 
 RECORDED_ACCELERATION = 1.0
 """Acceleration of a real target where the scenario gives none, m/s^2: a walking person, a trolley, a slow vehicle."""
+
+_RECORDED_POWER = 0.1
+"""The least power of its acceleration, m^2/s^3: of a person who changes velocity by 1 m/s once in ten seconds."""
 
 _INDEX, _CALM, _AGILE = 0.5, 0.01, 10.0
 """Tracking indices q dt^2/sigma (Kalata, IEEE TAES 20(2), 1984) of a target of which nothing else is known.
@@ -174,6 +179,17 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
         return index
     # What takes a target from rest as far as it gets in a step.
     return max(index, 2.0 * start.reach(scenario) / scenario.dt**2)
+
+
+def recorded_acceleration(told: float | None, interval: float | None, *, defaults: int) -> float:
+    """The acceleration, m/s^2, of a recorded target, for an interval of its ranges, s; told: what these tell.
+
+    One that seems calm may still turn, however rare its ranges are: as a person does now and then, and by half of a
+    person's acceleration at least. By the fifteenth rules it was all of that, which is hasty if it lasts for a second.
+    """
+    if interval is None or defaults < 16:
+        return max(RECORDED_ACCELERATION, told or 0.0)
+    return max(float(np.sqrt(_RECORDED_POWER / interval)), 0.5 * RECORDED_ACCELERATION, told or 0.0)
 
 
 def _begins_at_rest(scenario: Scenario) -> bool:

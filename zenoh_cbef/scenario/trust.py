@@ -47,6 +47,11 @@ def presumes(scenario: Scenario) -> bool:
     return scenario.filter.defaults < 12 or real(scenario)
 
 
+def proves(scenario: Scenario) -> bool:
+    """Whether ranges that fit another fix prove it, and nothing less does: where ranges are real."""
+    return scenario.filter.defaults > 15 and real(scenario)
+
+
 def lasts(scenario: Scenario) -> bool:
     """Whether errors of successive ranges may be alike, and agents learn how much: where ranges are recorded.
 

@@ -121,10 +121,14 @@ class Status:
     scarce: Floats
 
     @classmethod
-    def first(cls, count: int, steps: int = 0) -> Self:
-        """Before the first step of so many agents. steps: how many the network has had without them."""
+    def first(cls, count: int, steps: int = 0, *, proves: bool = False) -> Self:
+        """Before the first step of so many agents. steps: how many the network has had without them.
+
+        proves: whether it is of ranges that fit, and not of doubtful ones: few agents have lost by so little doubt.
+        """
         none = np.zeros(count)
-        known = {"misfit": np.full(count, _BEGUN), "weight": np.full(count, _BEGUN), "steps": none + steps}
+        known = {"misfit": np.full(count, _BEGUN * (not proves)), "weight": np.full(count, _BEGUN)}
+        known |= {"steps": none + steps}
         known |= {"reference": np.full(count, np.inf), "own": np.full(count, DOUBT)}
         return cls(**{one.name: known.get(one.name, none) for one in fields(cls)})
 
@@ -138,9 +142,14 @@ class Status:
         """Whether the claimed error has grown so far that a filter may no longer linearise at its estimate, (n,)."""
         return np.asarray(self.spread > _ADRIFT * self.reference)
 
-    def anew(self, rows: Bools) -> Self:
-        """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first."""
-        begun = vars(type(self).first(len(rows))) | {"own": np.minimum(self.own, WRONG)}
+    def anew(self, rows: Bools, *, fitted: Floats | None = None) -> Self:
+        """The same, but that some agents (n,) acquire their target again; ranges that did not fit have to fit first.
+
+        fitted: (n,), so many ranges fit the place where they begin, which counts; None: none do, by earlier rules.
+        """
+        begun = vars(type(self).first(len(rows), proves=fitted is not None)) | {"own": np.minimum(self.own, WRONG)}
+        if fitted is not None:
+            begun |= {"heard": fitted, "own": np.full(len(rows), WRONG)}
         kept = {name: getattr(self, name) for name in ("seconds", "steps", "spread", "latest", "unheard", "scarce")}
         return type(self)(**{name: np.where(rows, (begun | kept)[name], values) for name, values in vars(self).items()})
 
@@ -186,6 +195,7 @@ class Status:
         agents: int = 0,
         enough: Bools | None = None,
         whole: bool = False,
+        proves: bool = False,
     ) -> Self:
         """A step of dt (s) later.
 
@@ -195,6 +205,7 @@ class Status:
         agents: how many have to prove the place, each with ranges of its own; 0: any ranges do.
         enough: (n,), whether enough agents have heard the target lately; None: agents do not count them.
         whole: whether ranges of a step prove nothing of which as many do not fit as those of a lost target.
+        proves: whether a place that was lost before it was proved has to be proved, too.
         """
         reference = np.minimum(spread, self.reference * np.exp(_LEARNED * heard / axes))
         steps = self.steps + 1.0
@@ -213,9 +224,8 @@ class Status:
         if enough is not None:
             which[(scarce >= _SCARCE) | (self.which == COASTING) & ~proved] = COASTING
         which[lost] = LOST
-        if (begins := early | (self.which == ACQUIRING)).nonzero()[0].size:
-            known = proved if most is None else proved | lost
-            which[begins & ~known | early] = ACQUIRING
+        begins = (self.which == ACQUIRING) | (proves & (self.which == LOST))
+        which[begins & ~proved & ((most is None) | ~lost) | early] = ACQUIRING
         seconds[which != self.which] = 0.0
         return type(self)(
             *(which, seconds, steps, fitted, *sums, reference, spread),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from zenoh_cbef.errors import UserError
@@ -70,6 +71,17 @@ def wide_columns(heads: Sequence[str], mapped: Mapping[str, str]) -> dict[str, i
     if not found:
         raise UserError(f"--map range={pattern}: no column is named so; there are {', '.join(heads)}")
     return found
+
+
+def wide_pattern(heads: Sequence[str]) -> str | None:
+    """The pattern that three columns and more have in common, as d_*; None where none have.
+
+    The longest of those that most columns have; names, as N1 and N2, may begin alike, so one up to a separator first.
+    """
+    found = Counter(head[:length] for head in heads for length in range(1, len(head)))
+    alike = [start for start, many in found.items() if many > 2]
+    best = max(alike, key=lambda start: (found[start], not start[-1].isalnum(), len(start)), default=None)
+    return None if best is None else f"{best}*"
 
 
 def refuse_unknown(mapped: Mapping[str, str], heads: Sequence[str]) -> None:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 
-from zenoh_cbef.datasets.importing.columns import FILES, column_of, refuse_unknown, wide_columns
+from zenoh_cbef.datasets.importing.columns import FILES, column_of, refuse_unknown, wide_columns, wide_pattern
 from zenoh_cbef.datasets.importing.raw import Place, Raw
+from zenoh_cbef.datasets.importing.targets import rows_of, several_targets
 from zenoh_cbef.datasets.importing.units import Units, decimal
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.words import counted, listed
@@ -29,11 +30,15 @@ class Sheet:
 
 @dataclass
 class Reading:
-    """One import of CSV files. mapped: headers by meaning; units: what the user says of them."""
+    """One import of CSV files. mapped: headers by meaning; units: what the user says of them.
+
+    only: which rows of ranges are taken in, as "tag=7"; None: all.
+    """
 
     mapped: Mapping[str, str]
     units: Units
     separator: str | None = None
+    only: str | None = None
     heads: list[str] = field(default_factory=list)
     """The headers of all files that were read."""
 
@@ -51,6 +56,9 @@ class Reading:
     def read_ranges(self, path: Path, raw: Raw) -> None:
         """Take in a file of ranges: a row each, or a row for each moment and a column for each anchor."""
         sheet = self._sheet(path)
+        if self.only is not None:
+            sheet = Sheet(path, sheet.heads, rows_of(self.only, sheet.heads, sheet.rows, path.name))
+        raw.notes += several_targets(sheet.heads, sheet.rows, path.name)
         wide = wide_columns(sheet.heads, self.mapped)
         at, *others = self._places(["t"] if wide else ["t", "anchor", "range"], sheet, "ranges")
         named = None if wide else others[0]
@@ -65,6 +73,9 @@ class Reading:
                     continue
                 name = label if named is None else _name(row[named])
                 raw.ranges.append((float(time), name, float(value * scale[place])))
+        if not any(time is not None for time in seconds):
+            said = f"{sheet.heads[at]} of {path} has no times, as {sheet.rows[0][at]!r}"
+            raise UserError(f"{said}; give numbers, or dates as 2024-05-03T09:00:00Z")
         if unread:
             raw.notes.append(f"{counted(unread, 'row')} of {path.name} without a number left out")
 
@@ -124,6 +135,8 @@ class Reading:
             asked = "columns are" if lacking[1:] else "column is"
             remedy = " ".join(f"--map {file}.{meaning}=COLUMN" for meaning in lacking)
             heads = ", ".join(sheet.heads)
+            if {"anchor", "range"} <= set(lacking) and (pattern := wide_pattern(sheet.heads)):
+                remedy += f', or where each anchor has a column of its own --map "range={pattern}"'
             raise UserError(f"{sheet.path}: which {asked} {listed(lacking)}? It has {heads}; say {remedy}")
         return [place for place in found if place is not None]
 

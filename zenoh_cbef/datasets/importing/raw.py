@@ -76,7 +76,9 @@ def _ranges(raw: Raw, source: str) -> tuple[list[Range], list[int]]:
     negative = sum(distance < 0.0 for _, _, distance in raw.ranges)
     if negative:
         raw.notes.append(f"{counted(negative, 'negative range')} left out")
-    known = [one for one in raw.ranges if one[1] in raw.anchors and not one[2] < 0.0]
+    if nothing := sum(distance == 0.0 for _, _, distance in raw.ranges):
+        raw.notes.append(f"{counted(nothing, 'range')} of 0 m, which say that nothing was measured, left out")
+    known = [one for one in raw.ranges if one[1] in raw.anchors and not one[2] <= 0.0]
     kept = [one for one in known if _within({"t": one[0], "range": one[2]})]
     if len(kept) < len(known):
         most = f"beyond {MOST['range']:g} m, or at times beyond {MOST['t']:g} s"

@@ -181,7 +181,7 @@ def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
     evidence = Evidence(settings.likelihoods, settings.recorded, lasting=settings.weighs_lasting)
     biased: BiasedInformation | JointBiases | AutoBias = of_one(replace(settings, scale_std=0.0), xi)
     if settings.scale_std:
-        biased = AutoBias(biased, JointBiases.of(settings, xi), SQUARES)
+        biased = AutoBias(biased, JointBiases.of(settings, xi), replace(SQUARES, lasting=settings.weighs_shares))
     return biased if settings.bias == "estimate" else AutoBias(plain, biased, evidence)
 
 

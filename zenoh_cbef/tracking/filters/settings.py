@@ -119,6 +119,8 @@ class FilterSettings:
     """Whether `auto` weighs a bias by these, or by the NIS."""
     weighs_lasting: bool = False
     """Whether `auto` asks for more, the less alike successive errors are."""
+    weighs_shares: bool = False
+    """Whether it weighs a share by which all ranges are too long so, too."""
 
     # The first fix, by least squares on the first ranges.
     first_fix: int = 0
@@ -144,6 +146,8 @@ class FilterSettings:
     """Whether that counts agents that do not fit, or ranges, and only those that hear ranges vote for another fix."""
     presumes: bool = True
     """Whether agents presume that ranges fit and that all others are there until they know better."""
+    proves: bool = False
+    """Whether ranges that fit another fix prove it, and a target that was lost needs proof as one never found."""
     hearing: int = 0
     """For how many steps after a range an agent counts as one that hears the target; 0: agents do not count those."""
     calls_roll: bool = True

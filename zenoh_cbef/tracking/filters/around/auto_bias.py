@@ -72,7 +72,7 @@ class AutoBias:
         plain = self.plain.conclude(np.ascontiguousarray(payload[:, :split]), update.parts[0])
         biased = self.biased.conclude(np.ascontiguousarray(payload[:, split:-3]), update.parts[1])
         # Averages times n are the network's sums. Accelerated averaging may leave a count a little below zero.
-        new = self.network_size * np.maximum(payload[:, -3:], 0.0)
+        new = self.network_size * np.maximum(payload[:, -3:], self.evidence.least)
         sums = np.exp(-new[:, 2:] / MEMORY) * update.kept[0] + new
         weight = self.evidence.weight(sums)
         return Belief(

@@ -65,7 +65,10 @@ class Evidence:
         l_0, l_1 of agent i are divided by clip(-ln(1 - c_i^2), 0.1, 1)
 
     With `squares` the second factor alone decides, whatever noise was told, as between two filters with biases: slow
-    errors are followed by both.
+    errors are followed by both. The position absorbs most of what is wrong with all ranges, so that shows little in
+    innovations, and for that long. With `lasting`, too, it counts the more, the less alike errors are:
+
+        l_0 of agent i is l_1 + (l_0 - l_1)/clip(-ln(1 - c_i^2), 0.1, 1)
 
     step(x; a, b): smooth, 0 up to a and 1 from b on.
     """
@@ -74,6 +77,11 @@ class Evidence:
     ratios: bool = False
     squares: bool = False
     lasting: bool = False
+
+    @property
+    def least(self) -> Floats:
+        """The least that an average of the three may be: none is below zero, but what a share of all ranges gains."""
+        return np.array([-np.inf if self.squares and self.lasting else 0.0, 0.0, 0.0])
 
     def begun(self, count: int) -> Floats:
         """The sums before the first range, (n, 3)."""
@@ -103,7 +111,10 @@ class Evidence:
         )
         if self.lasting and alike is not None:
             followed = np.clip(-np.log(1.0 - alike**2), _FOLLOWED, 1.0)
-            cut = cut[0] / followed, cut[1] / followed
+            if self.squares:
+                cut = cut[1] + (cut[0] - cut[1]) / followed, cut[1]
+            else:
+                cut = cut[0] / followed, cut[1] / followed
         return np.stack([*cut, np.isfinite(plain[1]).astype(np.float64)], axis=-1)
 
     def weight(self, sums: Floats) -> Floats:

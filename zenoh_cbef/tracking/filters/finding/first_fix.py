@@ -166,10 +166,10 @@ class FirstFix(Wrapping):
             return fix
         ranges = Remembered.at(self.space, fix.state, seen)
         variance = np.full_like(ranges.ages, self.range_std**2)
-        drift = self._wandering.covariance(ranges.ages, ranges.ages)
+        drift = self.wandering.covariance(ranges.ages, ranges.ages)
         spread = np.sqrt(ranges.expected(fix.known_covariance) + variance + drift + self.bias_std**2)
         weight = saturation(ranges.innovation, self.xi * spread, max(self.power, self.ending))
-        tied = ranges.constant_given(weight, variance, self._wandering, self.space.axes, self.own_bias_std**2)
+        tied = ranges.constant_given(weight, variance, self.wandering, self.space.axes, self.own_bias_std**2)
         return replace(fix, tied=tied)
 
     def _at_rest(self, prior: Belief, latest: Belief, seen: Seen, variance: Floats) -> Floats:
@@ -264,7 +264,7 @@ class FirstFix(Wrapping):
     ) -> Rows:
         """All ranges, weighed. constant: variance of an error that all ranges of an agent share, m^2."""
         variance = noise + constant
-        drift = self._wandering.covariance(ranges.ages, ranges.ages)
+        drift = self.wandering.covariance(ranges.ages, ranges.ages)
         if not self.careful:
             drift = (0.5 * self.motion.acceleration_std * ranges.ages**2) ** 2
         expected = ranges.expected(latest.known_covariance) + (variance + drift)
@@ -274,7 +274,7 @@ class FirstFix(Wrapping):
         weight = saturation(ranges.innovation, self.xi * spread, power)
         if self.careful:
             vector, matrix = ranges.joint_information(
-                weight, noise, self._wandering, self.space.axes, constant, inversion=self.inversion
+                weight, noise, self.wandering, self.space.axes, constant, inversion=self.inversion
             )
         else:
             vector, matrix = ranges.information(weight, variance + drift)
@@ -283,7 +283,8 @@ class FirstFix(Wrapping):
         return Rows(vector, matrix, newest, weight, last)
 
     @property
-    def _wandering(self) -> Wandering:
+    def wandering(self) -> Wandering:
+        """How far the target is off the straight line that its latest state tells."""
         share = max(1.0, self.network_size / self.space.axes)
         return Wandering(self.motion.acceleration_std**2 * self.motion.dt, share)
 

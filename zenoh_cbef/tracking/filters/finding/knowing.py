@@ -53,7 +53,7 @@ class Knowing(Wrapping):
         """The filter's update, and the two numbers."""
         inner = belief.parts[0] if belief.parts else belief
         passed = (measurement.step or 1) - 1 if self.settings.joins_fix else 0
-        status = Status.first(len(belief.state), passed) if belief.status is None else belief.status
+        status = belief.status or Status.first(len(belief.state), passed, proves=self.settings.proves)
         if self.settings.hearers_count and not (self.settings.tells_ranges or self.settings.squares):
             few = (status.scarce > 0.0) & (status.steps >= self.settings.first_fix)
             unsure = self.settings.space, inner, measurement, self.settings.range_std
@@ -113,6 +113,7 @@ class Knowing(Wrapping):
             agents=0 if settings.presumes else count,
             whole=settings.hearers_count,
             enough=None if hear is None else hear > axes - 0.5,
+            proves=settings.proves,
         )
         if settings.undetermined:
             status = status.told(status.which == TRACKING, ACQUIRING, former, dt)

@@ -15,7 +15,9 @@ from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.filters.finding.patience import gives_up, left_to_a_fix
+from zenoh_cbef.tracking.filters.finding.proving import fitting
 from zenoh_cbef.tracking.filters.finding.search import Search, decides
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import packed_size, predict, unchanged
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
@@ -89,7 +91,9 @@ class Reacquiring(Wrapping):
             step[:] = measurement.step
         if belief.bias is not None:
             # Without the bias of the ranges, as far as it is relied on.
-            distance, _ = own_range(self.settings.space, belief.state, measurement.position, np.zeros(len(step)))
+            # In a fix the belief is that, and the bias is of where the filter is; by earlier rules not told apart.
+            where = inner.state if self.settings.proves else belief.state
+            distance, _ = own_range(self.settings.space, where, measurement.position, np.zeros(len(step)))
             heard = replace(measurement, range=belief.bias.taken_off(measurement.range, distance))
         if not idle:
             measurement = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
@@ -130,7 +134,8 @@ class Reacquiring(Wrapping):
             return replace(inner, memory=tuple(memory.values()), parts=(inner,))
         if search.fixing.nonzero()[0].size:
             search = self._concluded(search, payload, update, apart)
-        return self._turned(inner, search, before, wanted, apart)
+        fitted = np.where(apart, 0.0, self.settings.network_size * np.fmax(payload[:, -2], 0.0))
+        return self._turned(inner, search, before, wanted, apart, fitted=fitted)
 
     def _begun(self, belief: Belief) -> Search:
         (count, size), kept = belief.state.shape, 2 * self.window
@@ -164,8 +169,11 @@ class Reacquiring(Wrapping):
         belief = self._iterate(search)
         squared, refined = self.squares.update(belief, heard), self.refines.update(belief, heard)
         payload = _pick(search.doing == _SQUARED, squared.payload, payload)
-        payload = _pick(search.doing == _REFINED, refined.payload, payload)
+        payload = _pick(refines := search.doing == _REFINED, refined.payload, payload)
         prior, covariance, positions, ages, ranges, predicted = refined.kept
+        if self.settings.proves:
+            # Where the filter's payload ends there is room beside a fix on the ranges themselves.
+            payload[refines, -1] = fitting(self.refines, predicted, Seen(positions, ages, ranges))[refines]
         search = replace(search, prior=prior, prior_covariance=covariance, correction=predicted)
         # The oldest was for this fix alone: however agents of one batch go on, they keep as many.
         return payload, replace(search, positions=positions[:, 1:], ages=ages[:, 1:], ranges=ranges[:, 1:])
@@ -201,8 +209,10 @@ class Reacquiring(Wrapping):
         state, covariance = _pick(apart, ahead[0], state), _pick(apart, ahead[1], covariance)
         return replace(search, fix=state, fix_covariance=covariance, correction=state - search.correction)
 
-    def _turned(self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools) -> Belief:
-        """What agents say in this step, and do from the next one on."""
+    def _turned(
+        self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools, *, fitted: Floats
+    ) -> Belief:
+        """What agents say in this step, and do from the next one on. fitted: how many ranges fit a fix, (n,)."""
         former, fixing = Status(*before.kept), search.fixing
         status = inner.status or former
         settled = ~fixing & (status.which != ACQUIRING)
@@ -226,7 +236,9 @@ class Reacquiring(Wrapping):
         if done.any():
             inner = chosen(inner, moved(self.filter, inner, Belief(search.fix, search.fix_covariance)), done)
         # Adrift: what the filter makes of the first ranges after a long silence is not to be trusted.
-        status = status.anew(begins | fixing).told(adrift > 0.0, COASTING, former, self.settings.motion.dt)
+        proved = np.where(done, fitted, 0.0) if self.settings.proves else None
+        status = status.anew(begins | fixing, fitted=proved)
+        status = status.told(adrift > 0.0, COASTING, former, self.settings.motion.dt)
         inner = replace(inner, status=status)
         state = _pick(fixing, search.fix, inner.state)
         covariance = _pick(fixing, search.fix_covariance, inner.known_covariance)
