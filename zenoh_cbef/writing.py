@@ -19,23 +19,22 @@ def writing(place: object, remedy: str = "choose another --output") -> Iterator[
         raise UserError(f"cannot write {place}: {error.strerror}; {remedy}") from None
 
 
-def refuse_no_folder(path: Path, remedy: str = "choose another --output") -> None:
-    """Raise UserError, with the remedy, where the folder that a file or folder is to stand in is not there."""
-    if not (folder := path.parent).is_dir():
-        why = f"{folder} is a file;" if folder.exists() else f"no folder {folder} is there; make it, or"
-        raise UserError(f"cannot write {path}: {why} {remedy}")
+def refuse_in_file(path: Path, remedy: str = "choose another --output") -> None:
+    """Raise UserError, with the remedy, where a file is in the place of a folder that is to hold the path."""
+    there = next((folder for folder in path.parents if folder.exists()), Path())
+    if not there.is_dir():
+        raise UserError(f"cannot write {path}: {there} is a file; {remedy}")
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder of results where it is not there. Raises UserError where it cannot be made."""
-    refuse_no_folder(folder)
-    with writing(folder):
-        folder.mkdir(exist_ok=True)
+def make_folder(folder: Path, remedy: str = "choose another --output") -> None:
+    """Make a folder, and those that it stands in, where they are not there. Raises UserError where that fails."""
+    with writing(folder, remedy):
+        folder.mkdir(parents=True, exist_ok=True)
 
 
 def must_be_new(log: Path, remedy: str) -> None:
-    """Raise UserError, with the remedy, where a log is there already, or there is no folder for it."""
-    refuse_no_folder(log, "choose another place for the log")
+    """Raise UserError, with the remedy, where a log is there already, or cannot be there."""
+    refuse_in_file(log, "choose another place for the log")
     if log.exists():
         raise UserError(f"{log} exists and logs are never overwritten; {remedy}")
 
@@ -58,8 +57,8 @@ def write_whole(path: Path, text: str) -> None:
 
 @contextmanager
 def replacing(output: Path) -> Iterator[Path]:
-    """As `whole`, for callers with a remedy of their own. Raises OSError, and UserError where there is no folder."""
-    refuse_no_folder(output)
+    """As `whole`, for callers with a remedy of their own. Raises OSError, and UserError where a file is a folder."""
+    make_folder(output.parent)
     with tempfile.TemporaryDirectory(prefix=".export-", dir=output.parent) as folder:
         fresh = Path(folder) / output.name
         yield fresh

@@ -234,15 +234,32 @@ def test_compare_leaves_out_what_is_no_log_and_names_it(monkeypatch, capsys, pla
         "scenario new {place}/x.toml",
     ],
 )
-def test_a_name_in_a_folder_that_is_not_there_is_refused_and_makes_none(monkeypatch, capsys, place, words):
+def test_a_name_in_a_file_is_refused(monkeypatch, capsys, place, words):
     before = files(place)
     Path("file").write_text("")
-    for where, said in (("nope", "no folder nope is there; make it, or"), ("file", "file is a file; ")):
+    for where in ("file", "file/in"):
         status, out, err = call(monkeypatch, capsys, *words.format(log="../logs/one", place=where).split())
         assert (status, out) == (2, "")
-        assert said in err.splitlines()[-1]
-    assert not Path("nope").exists()
+        assert "file is a file; " in err.splitlines()[-1]
     assert files(place) == before | {"work/file"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "timeline {log} -o new/in/x.svg",
+        "export {log} -o new/in/x.npz",
+        "export {log} -o new/in/x.ros2",
+        "filter {log} -o new/in/x.mcap",
+        "scenario new new/in/x.toml",
+    ],
+)
+@pytest.mark.usefixtures("place")
+def test_folders_that_are_not_there_are_made(monkeypatch, capsys, words):
+    assert call(monkeypatch, capsys, *words.format(log="../logs/one").split())[0] == 0
+    made = list(Path("new/in").iterdir())
+    assert len(made) == 1
+    assert made[0].stem == "x"
 
 
 def test_analyze_says_where_its_report_is(monkeypatch, capsys, place):

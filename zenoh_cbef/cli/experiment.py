@@ -128,7 +128,7 @@ def _run(
         _tell_shard(sweep, _swept(sweep, folder), folder)
         return
     own = force or (folder / JOURNAL).exists()
-    folder = new_folder_of(folder, RESULTS, force=own, within=output is None)
+    folder = new_folder_of(folder, RESULTS, force=own)
     _conclude(written, sweep, _swept(sweep, folder), folder, printed)
 
 
@@ -148,7 +148,7 @@ def _join(
     sweep = Sweep(written.experiment, cells_of(written), skip)
     check_expectations(written, sweep.cells)
     folder = _own(output, written, force=force)
-    folder = new_folder_of(folder, RESULTS, force=force or bool(shards_in(folder)), within=output is None)
+    folder = new_folder_of(folder, RESULTS, force=force or bool(shards_in(folder)))
     _conclude(written, sweep, sweep.joined(folder), folder, printed)
 
 

@@ -16,7 +16,7 @@ from zenoh_cbef.scenario.checks import check
 from zenoh_cbef.scenario.load import load, purposes, read_source, to_toml
 from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.words import counted
-from zenoh_cbef.writing import refuse_no_folder, writing
+from zenoh_cbef.writing import refuse_in_file, write_whole
 
 
 def _list() -> None:
@@ -61,10 +61,8 @@ def _new(
     """Write a new scenario file to edit."""
     if file.exists() and not force:
         raise UserError(f"{file} exists; choose another name, or write over it with --force")
-    refuse_no_folder(file, "choose another place")
-    text = read_source(base)[0]
-    with writing(file, "choose another place"):
-        file.write_text(text, encoding="utf-8")
+    refuse_in_file(file, "choose another place")
+    write_whole(file, read_source(base)[0])
     typer.echo(f"{file} written; edit it, then: zenoh-cbef run {file}")
 
 

@@ -13,7 +13,7 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.log.common.naming import ACTIVE
 from zenoh_cbef.log.mcap.contents import Channel, RawMessage
 from zenoh_cbef.log.mcap.writer import Compression, McapWriter
-from zenoh_cbef.writing import must_be_new, writing
+from zenoh_cbef.writing import make_folder, must_be_new, writing
 
 
 class OutputLog:
@@ -26,6 +26,7 @@ class OutputLog:
         self.path, self._active = path, path.with_name(path.name + ACTIVE)
         for taken in (path, self._active):
             must_be_new(taken, "name another --output")
+        make_folder(path.parent, "name another --output")
         with writing(path, "name another --output"):
             self._writer = McapWriter(self._active, compression=compression, library=f"zenoh-cbef {__version__}")
         # By identity first: equal channels are met as many objects, and each is compared once.

@@ -22,7 +22,7 @@ from zenoh_cbef.protocol.messages import json_schema
 from zenoh_cbef.protocol.ring import Said
 from zenoh_cbef.protocol.short import ENCODING, SCHEMA
 from zenoh_cbef.scenario.model import Record
-from zenoh_cbef.writing import must_be_new, writing
+from zenoh_cbef.writing import make_folder, must_be_new, writing
 
 UNKNOWN = "unknown"
 """The kind of data that is no message of a run."""
@@ -120,6 +120,7 @@ class RunLog:
                 f"{left} is being written, or its recorder was killed, and logs are never overwritten; choose another "
                 "name, or 'recover' what is in it and move it away"
             )
+        make_folder(path.parent, "choose another place for the log")
         with writing(path, "choose another place for the log"):
             self._part = _Part(path, settings)
         self._number = 1
