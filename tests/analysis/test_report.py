@@ -259,7 +259,7 @@ def test_a_long_line_is_thinned_and_keeps_its_peak(tmp_path: Path, monkeypatch: 
 
 
 def test_paths_begin_with_the_first_fix_and_the_map_has_the_names_of_the_agents(tmp_path: Path) -> None:
-    [analysis] = analyze([trace_of(steps=60, agents={"count": 3, "labels": ["north", "south", "east"]})])
+    [analysis] = analyze([trace_of(seed=7, steps=60, agents={"count": 3, "labels": ["north", "south", "east"]})])
     acquiring = analysis.trace.diagnostics.status[0] == ACQUIRING
     assert 0 < acquiring.sum() < 60
 

@@ -30,7 +30,7 @@ FAULTS = (
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    keys = ("steps=40", "agents.count=4", "network.graph=complete", "filter.status=true")
+    keys = ("seed=6", "steps=40", "agents.count=4", "network.graph=complete", "filter.status=true")
     return made_log(tmp_path_factory.mktemp("lab") / "run.mcap", *keys, FAULTS)
 
 

@@ -16,7 +16,7 @@ def drawn(character: str) -> bool:
 
 @pytest.fixture
 def watched(world):
-    run = world.under_way("timing.mode=realtime", "dt=0.1", "steps=5000")
+    run = world.under_way("timing.mode=realtime", "dt=0.5", "steps=5000")
     terminal = Terminal([*COMMAND, "watch", "--run", world.run], folder=world.folder)
     words = ("position error, m", "disagreement, m", world.run, "started", "q quits")
     terminal.read_until(lambda seen: all(word in seen for word in words) and any(map(drawn, seen)))

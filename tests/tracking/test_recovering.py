@@ -109,7 +109,7 @@ def test_widening_widens_all_motions_and_leaves_how_likely_they_are():
         Plan(load("tracking", ["target.motion=circle", "filter.start=given", "filter.status=false"]).scenario).filter
     )
     assert isinstance(made, InteractingModels)
-    random, chance = np.random.default_rng(3), np.array([[0.1, 0.2, 0.3, 0.4]])
+    random, chance = np.random.default_rng(3), np.array([[0.1, 0.15, 0.05, 0.2, 0.1, 0.05, 0.15, 0.2]])
     parts = tuple(
         Belief(random.normal(size=(1, motion.size)), np.eye(motion.size)[None]) for motion in made.switching.motions
     )
