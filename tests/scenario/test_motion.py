@@ -96,6 +96,25 @@ def test_the_most_agile_motion_jumps_and_in_older_logs_it_does_not():
     assert [type(one) for one in older] == [MOTIONS[kind] for kind in ("ncv", "turn", "ncv", "ncv")]
 
 
+CORNERS = ("target.motion=waypoints", "target.speed=8", "target.waypoints=[[0,0,0],[9,0,0],[9,9,0]]")
+
+
+@pytest.mark.parametrize(
+    ("keys", "agile"),
+    [
+        (("sensor.range_std=0.01",), [10.0, 160.0]),
+        (("sensor.range_std=0.01", "filter.defaults=15"), [10.0]),
+        (("sensor.range_std=0.02",), [20.0]),
+    ],
+    ids=["precise", "older rules", "less precise"],
+)
+def test_a_corner_beyond_what_precise_ranges_leave_open_has_a_motion_of_its_own(keys, agile):
+    """2 r/D^2 with r = 8 m/s D, where that is more than ten times the index of 10, in units of sigma/D^2."""
+    made = plan(*CORNERS, *keys)
+    jumps = [one.acceleration_std for one in made.models if isinstance(one, MOTIONS["jump"])]
+    assert jumps == pytest.approx(agile)
+
+
 def test_the_rate_of_a_turn_hardly_changes_and_in_older_logs_it_did():
     now, older = (
         plan(*CIRCLE).models[1],

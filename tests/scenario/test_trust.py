@@ -162,6 +162,7 @@ def biased(*faults, rules=16, **keys):
         ([{"bias": 0.3, "agents": [1], "from": 5.0}], {}, 0.0),
         ([{"bias": 0.3, "agents": [1]}], {"rules": 15}, 0.0),
         ([{"bias": 0.3, "agents": [1]}], {"agents": {"count": 13}}, 0.0),
+        ([{"bias": 3.0, "agents": [2]}], {"sensor": {"bias_std": 0.5}}, 3.0 / 6**0.5),
     ],
     ids=[
         "one of six",
@@ -172,6 +173,7 @@ def biased(*faults, rules=16, **keys):
         "a later one",
         "older rules",
         "many agents",
+        "beside drawn ones",
     ],
 )
 def test_biases_that_no_range_shows_are_estimated_by_their_size(faults, keys, size):

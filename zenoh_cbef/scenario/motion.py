@@ -34,6 +34,9 @@ _CALMEST = 0.002
 _ROUND = 2.0
 """By how many times its velocity a target changes it that turns round."""
 
+_SUDDEN = 10.0
+"""By what factor a sudden turn has to be beyond the most agile index for one more motion to allow for it."""
+
 _LASTING, _OFTEN, _ALWAYS = 0.005, 0.03, 0.3
 """How likely a target leaves its motion in a step: a few times in a run, in a turn, and as soon as it begins another.
 
@@ -85,10 +88,14 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
     middle, agile = (one / _CALM * calm for one in (_INDEX, _AGILE))
     if chosen.acceleration_std is None and chosen.defaults > 14:
         agile = max(agile, turning_round(scenario))
+    fastest = reversing(scenario) if chosen.acceleration_std is None else 0.0
+    sudden = [(chosen.agile, fastest)] if fastest > _SUDDEN * agile else []
+    if sudden and not told:
+        agile, sudden = fastest, []
     if chosen.acceleration_std is None and chosen.defaults > 13:
         calm = _noise(scenario, range_std, _CALMEST)
     between = [("ncv", (middle * agile) ** 0.5)] if told and chosen.defaults > 12 else []
-    each = ("ncv", calm), ("turn", calm), ("ncv", middle), *between, (chosen.agile, agile)
+    each = ("ncv", calm), ("turn", calm), ("ncv", middle), *between, (chosen.agile, agile), *sudden
     return tuple(make_motion(name, replace(settings, acceleration_std=std)) for name, std in each)
 
 
@@ -147,6 +154,14 @@ def turning_round(scenario: Scenario) -> float:
     target could hardly turn.
     """
     return _ROUND * float(start.initial_std(scenario)[3]) / scenario.dt
+
+
+def reversing(scenario: Scenario) -> float:
+    """The same of a target that is as fast as it may be at first: the more precise ranges are, the less an index allows.
+
+    0 by the fifteenth rules.
+    """
+    return _ROUND * start.reach(scenario) / scenario.dt**2 if scenario.filter.defaults > 15 else 0.0
 
 
 def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings:

@@ -100,7 +100,7 @@ def tells_biases(scenario: Scenario) -> bool:
 
 
 def hidden_bias(scenario: Scenario) -> float:
-    """The size of constant biases of which faults tell and that no range shows, root mean square over agents, m.
+    """The size of constant biases of which faults tell and that agents estimate, root mean square over agents, m.
 
     Agents may know it, but not whose they are. They are estimated by few agents alone, which do so together. None where
     a receiver has another fault as well, which no constant explains.
@@ -116,9 +116,13 @@ def hidden_bias(scenario: Scenario) -> float:
 
 
 def _is_hidden(fault: SensorFault, scenario: Scenario) -> bool:
-    """Whether it is a bias of a whole run that is too small for single ranges to show it."""
+    """Whether it is a bias of a whole run that is too small for single ranges to show it, or one among drawn biases.
+
+    Those are estimated anyway, and one that is larger than most would have to be as large as they are.
+    """
     whole = fault.since <= scenario.dt and fault.until is None
-    return isinstance(fault, SensorBias) and whole and fault.error < _SHOWS * scenario.sensor.range_std
+    small = fault.error < _SHOWS * scenario.sensor.range_std
+    return isinstance(fault, SensorBias) and whole and (small or scenario.sensor.bias_std > 0.0)
 
 
 def _given_biases(scenario: Scenario) -> tuple[float, float]:
