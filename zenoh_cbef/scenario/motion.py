@@ -157,7 +157,7 @@ def turning_round(scenario: Scenario) -> float:
 
 
 def reversing(scenario: Scenario) -> float:
-    """The same of a target that is as fast as it may be at first: the more precise ranges are, the less an index allows.
+    """The same of a target as fast as it may be at first: the more precise ranges are, the less an index allows.
 
     0 by the fifteenth rules.
     """
