@@ -82,6 +82,22 @@ def assert_same_in_parts(one, monkeypatch):
         assert parts.smoothed.states.tobytes() == expected.smoothed.states.tobytes()
 
 
+@pytest.mark.parametrize("planar", [False, True])
+def test_biases_beside_several_motions_are_the_same_for_agents_on_their_own_and_in_parts(planar, monkeypatch):
+    keys = {
+        "target": {"motion": "circle", "position": [0.4, 0.4, 0.4], "radius": 0.4, "period": 5.0},
+        "sensor": {"bias_std": 0.1},
+        "consensus": {"rounds": 4},
+        "filter": {"kind": "sicf", "lag_seconds": 0.3, **({"planar_height": 0.4} if planar else {})},
+    }
+    one = scenario(3, steps=8, fault=[LOSS], **keys)
+    plan = Plan(one)
+    assert (bool(plan.models), plan.bias, plan.tells_ranges) == (True, "estimate", True)
+    assert_agents_on_their_own_compute(one)
+    away = {"kind": "crash", "agents": [1], "from": 1.3, "until": 1.6}
+    assert_same_in_parts(scenario(3, steps=20, fault=[away], **keys), monkeypatch)
+
+
 class Agent:
     """What an agent process does, without the process: its own tracker, fates and neighbours."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,18 @@ def test_the_centralised_filter_is_a_network_that_averages_exactly(agents, more)
     expected = averaged(chosen, initial, positions, ranges, age)
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6)
+
+
+def test_several_motions_that_are_one_leave_the_filter_with_biases_as_it_is():
+    biases = {"bias": "estimate", "own_bias_std": 0.8, "joint_biases": True, "told_biases": True}
+    one = FilterSettings(CALM, Space(), STD, XI, 5, **biases)
+    initial, positions, ranges, age = scene(5, 0.8)
+    found, expected = (
+        joint_centralized(initial, each, XI, positions=positions, ranges=ranges, age=age)
+        for each in (replace(one, models=(CALM, CALM), leaving=(0.1,)), one)
+    )
+    for several, single in zip(found, expected, strict=True):
+        np.testing.assert_allclose(several, single, rtol=1e-6, atol=1e-6)
 
 
 def test_of_an_agent_that_is_not_there_no_position_is_needed():

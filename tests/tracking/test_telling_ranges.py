@@ -112,22 +112,30 @@ def test_a_belief_at_another_place_is_no_guess_and_what_is_known_of_biases_stays
         np.testing.assert_allclose(later.bias.std, belief.bias.std, atol=1e-9)
 
 
-def test_several_motions_are_an_interacting_multiple_model_filter():
-    random, leaving = np.random.default_rng(4), 0.1
-    motions = MOTION, ACCELERATION, NearlyConstantVelocity(DT, 4.0, 3)
-    filter_ = make_filter("icf", settings_of(**switching(*motions, leaving=leaving)))
-    belief = guesses_of(random, np.arange(6.0), WIDE)
-    chance, truth = np.full(3, 1.0 / 3.0), np.arange(6.0)
-    parts = [whole(motion, belief.state.mean(axis=0), WIDE) for motion in motions]
-    chain = np.full((3, 3), 0.5 * leaving) + (1.0 - 1.5 * leaving) * np.eye(3)
+@pytest.mark.parametrize(
+    ("motions", "bias"),
+    [
+        ((MOTION, ACCELERATION, NearlyConstantVelocity(DT, 4.0, 3)), 0.0),
+        ((MOTION, NearlyConstantVelocity(DT, 4.0, 3)), 0.4),
+    ],
+    ids=["without biases", "with all biases"],
+)
+def test_several_motions_are_an_interacting_multiple_model_filter(motions, bias):
+    random, leaving, count = np.random.default_rng(4), 0.1, len(motions)
+    filter_ = make_filter("icf", settings_of(bias=bias, **switching(*motions, leaving=leaving)))
+    belief, errors = guesses_of(random, np.arange(6.0), WIDE), bias * random.normal(size=COUNT)
+    chance, truth = np.full(count, 1.0 / count), np.arange(6.0)
+    parts = [whole(motion, belief.state.mean(axis=0), WIDE, bias) for motion in motions]
+    other = leaving / (count - 1)
+    chain = np.full((count, count), other) + (1.0 - leaving - other) * np.eye(count)
     for number in range(5):
         truth = MOTION.transition @ truth
         truth[3:] += 1.2 * random.normal(size=3)
-        new = heard(truth, random, [number % 3])
+        new = heard(truth, random, [number % 3], bias=errors)
         later, priors = chance @ chain, []
         for to, motion in enumerate(motions):
             # The acceleration begins anew in a target that moved without one.
-            each = [one if (to == 1) == (of == 1) else whole(motion, one[0][:6], one[1][:6, :6])
+            each = [one if type(motion) is type(motions[of]) else whole(motion, one[0][:6], one[1][:6, :6])
                     for of, one in enumerate(parts)]  # fmt: skip
             share = chance * chain[:, to] / later[to]
             mean = sum(one * part[0] for one, part in zip(share, each, strict=True))
@@ -139,9 +147,12 @@ def test_several_motions_are_an_interacting_multiple_model_filter():
         chance, parts = chance / chance.sum(), [(mean, covariance) for mean, covariance, _ in found]
         said = filter_.update(belief, new).diagnostics
         belief = step_of(filter_, belief, new, weights_of(random) if number else None)
-        np.testing.assert_allclose(said.maneuver, later[2], atol=1e-4)
-        np.testing.assert_allclose(belief.known_chance, np.broadcast_to(chance, (COUNT, 3)), atol=1e-4)
+        np.testing.assert_allclose(said.maneuver, later[-1], atol=1e-4)
+        np.testing.assert_allclose(belief.known_chance, np.broadcast_to(chance, (COUNT, count)), atol=1e-4)
         same(belief, *mixture(chance, parts))
+        if bias:
+            known = sum(one * part[0][6:] for one, part in zip(chance, parts, strict=True))
+            np.testing.assert_allclose(belief.bias.value, known, atol=1e-4)
         if number:
             # What agents say of a range is said by the likeliest motion.
             best = int(later.argmax())

@@ -11,14 +11,7 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust
 from zenoh_cbef.scenario.alike import Meant, alike
-from zenoh_cbef.scenario.motion import (
-    assumed_models,
-    assumed_motion,
-    doubted_noises,
-    leaving,
-    plain_motion,
-    switches,
-)
+from zenoh_cbef.scenario.motion import assumed_models, assumed_motion, doubted_noises, leaving, plain_motion, switches
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.elimination import BY_ELIMINATION
 from zenoh_cbef.tracking.filters import Abilities, abilities_of
@@ -85,7 +78,8 @@ class Filtering(Meant):
         """Whether the filter assumes that the target switches between motions."""
         biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
         single = self.distrusts_others or (self.scenario.filter.recovery and self.scenario.filter.defaults < 4)
-        return switches(self.scenario, alone=biased or single or not self.abilities.models)
+        single |= biased and not telling.tells_biased(self.scenario, self.space.axes)
+        return switches(self.scenario, alone=single or not self.abilities.models)
 
     @alike
     def noises(self) -> tuple[Motion, ...]:
@@ -142,9 +136,9 @@ class Filtering(Meant):
     def bias(self) -> str:
         """What the filter does about biases: none, estimate, or auto where it can weigh them."""
         chosen = self.scenario.filter
+        fits = trust.shares_biases(self.scenario) if self.tells_ranges else not self.models
         single = self.distrusts_others or (chosen.recovery and chosen.defaults < 2)
-        single = single or (self.tells_ranges and not trust.shares_biases(self.scenario))
-        unfit = single or bool(self.models) or not isinstance(self.motion, LinearMotion)
+        unfit = single or not (fits and isinstance(self.motion, LinearMotion))
         return trust.bias(self.scenario, unfit=unfit)
 
     @alike

@@ -23,6 +23,8 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix.
     """
     agile = motions[-1]
+    if len(motions) > 1 and tells_biased(scenario, agile.axes):
+        return True
     several = len(motions) > 1 and scenario.filter.defaults > 13
     fewest = agile.axes - (several and scenario.filter.defaults > 15)
     if not _may(scenario, fewest + (not several)):
@@ -34,6 +36,15 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     needs = len(motions) == 1 or heard < agile.axes + 1 or (several and network.parts(scenario))
     return needs and _strays(scenario, agile, range_std, settling)
+
+
+def tells_biased(scenario: Scenario, axes: int) -> bool:
+    """Whether agents that estimate all biases together do so beside several motions, as they tell each other ranges.
+
+    What they share otherwise is the information of one motion.
+    """
+    together = trust.tells_biases(scenario) and trust.shares_biases(scenario)
+    return scenario.filter.defaults > 15 and together and _everywhere(scenario) and _may(scenario, axes + 1)
 
 
 def _may(scenario: Scenario, least: int) -> bool:
@@ -113,9 +124,14 @@ def _comes(scenario: Scenario) -> bool:
     Or, by today's rules, as each agent learns it. What doubts a noise that is told stands around other filters, and
     biases that are drawn are better estimated without.
     """
-    everywhere, noise = scenario.consensus.rounds >= scenario.count - 1, scenario.filter.range_std
+    noise = scenario.filter.range_std
     known = noise is None or (noise == "auto" and scenario.filter.defaults > 15)
-    return everywhere and known and scenario.sensor.bias_std == 0.0
+    return _everywhere(scenario) and known and scenario.sensor.bias_std == 0.0
+
+
+def _everywhere(scenario: Scenario) -> bool:
+    """Whether every range comes to every agent in its step, whatever the graph."""
+    return scenario.consensus.rounds >= scenario.count - 1
 
 
 def _explained(scenario: Scenario) -> bool:

@@ -112,7 +112,8 @@ class SeveralMotions:
                 return found
             # A turn that the ranges of a step do not show those of the next one do.
             beliefs = [(one.state, one.known_covariance) for one in found.parts]
-            return replace(found, covariance=self.switching.combined(found.known_chance, beliefs)[1])
+            covariance, size = self.switching.combined(found.known_chance, beliefs)[1], found.state.shape[1]
+            return replace(found, covariance=np.ascontiguousarray(covariance[:, :size, :size]))
         chance, beliefs = self.switching.begun(belief.state, belief.known_covariance)
         return Belief(belief.state, belief.covariance, chance=chance, parts=tuple(Belief(*one) for one in beliefs))
 

@@ -10,7 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.motion import turned
+from zenoh_cbef.tracking.motion import constants_of, turned
 from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.reference import Ranges, Taken, taken_in
@@ -49,6 +49,7 @@ class CentralModels:
                 power=self.power,
                 widens=self.widens,
                 outliers=self.outliers,
+                biases=2 * motion.axes if constants_of(motion) else None,
             )
             for motion, mixture in zip(self.switching.motions, mixtures, strict=True)
         ]

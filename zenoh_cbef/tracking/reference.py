@@ -69,17 +69,23 @@ def taken_in(
     power: int = 1,
     widens: bool = False,
     outliers: Outliers | None = None,
+    biases: int | None = None,
 ) -> Taken:
     """One step of the extended information filter on all agents' ranges, for r runs at once.
 
     belief: (r, s), (r, s, s). Each range is saturated at xi of its own standard deviations, as in sicf; infinite xi
     turns that off. power: of the saturation. widens: see `saturated_precision`. outliers: in place of all three.
+    biases: where those of all agents begin in a state; None: it has none.
     """
     runs, agents = seen.range.shape
     state, covariance = predict(motion, belief)
     predicted, rows = own_range(space, np.repeat(state, agents, axis=0), seen.position.reshape(-1, 3), seen.age.ravel())
     rows, measured = rows.reshape(runs, agents, -1), np.isfinite(seen.range)
-    innovation = np.where(measured, seen.range - predicted.reshape(runs, agents), 0.0)
+    predicted = predicted.reshape(runs, agents)
+    if biases is not None:
+        rows[:, range(agents), range(biases, biases + agents)] = 1.0
+        predicted = predicted + state[:, biases : biases + agents]
+    innovation = np.where(measured, seen.range - predicted, 0.0)
     variance = seen.std**2
     spread = np.sqrt(np.add.reduce(rows * (rows @ covariance), axis=2) + variance)
     weighed = weigh(

@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import outer
-from zenoh_cbef.tracking.motion import Motion, begun
+from zenoh_cbef.tracking.motion import Motion, begun, constants_of, moving_of
 
 Gaussian = tuple[Floats, Floats]
 """Means (n, s) and covariances (n, s, s)."""
@@ -41,8 +41,8 @@ class Switching:
 
     @property
     def size(self) -> int:
-        """Components of position and velocity, with which the states of all models begin."""
-        return 2 * self.motions[0].axes
+        """Components of position and velocity, and constants, with which the states of all models begin."""
+        return 2 * self.motions[0].axes + constants_of(self.motions[0])
 
     def begun(self, state: Floats, covariance: Floats) -> tuple[Floats, list[Gaussian]]:
         """Equal probabilities (n, R M), and all models' beliefs from one about position and velocity."""
@@ -84,7 +84,7 @@ class Switching:
 
         chance, later: probabilities (n, R M) after the ranges of either step. beliefs: of the first.
         """
-        size, weights, parts = self.size, [], []
+        size, weights, parts = 2 * self.motions[0].axes, [], []
         ahead, ways = self._chain(chance)
         shares = self.of_models(later) / self.of_models(ahead)
         for j, motion in enumerate(self.motions):
@@ -128,7 +128,7 @@ class Switching:
         return np.asarray(scaled / total[:, None])
 
     def combined(self, chance: Floats, beliefs: list[Gaussian]) -> Gaussian:
-        """Mean and covariance of position and velocity, of the mixture of all models."""
+        """Mean and covariance of position and velocity, and of constants, of the mixture of all models."""
         size, likely = self.size, self.of_models(chance)
         weights = [likely[:, j] for j in range(len(self.motions))]
         return moments(weights, [(state[:, :size], covariance[:, :size, :size]) for state, covariance in beliefs])
@@ -157,7 +157,7 @@ class Switching:
 
     def _as_of(self, belief: Gaussian, i: int, j: int) -> Gaussian:
         """A belief of model i in the components of j; of those that i does not have, j begins anew."""
-        if type(self.motions[i]) is type(self.motions[j]):
+        if type(moving_of(self.motions[i])) is type(moving_of(self.motions[j])):
             return belief
         state, covariance = belief
         return begun(self.motions[j], state[:, : self.size], covariance[:, : self.size, : self.size])

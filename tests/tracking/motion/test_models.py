@@ -10,7 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zenoh_cbef.tracking.motion import MOTIONS, LinearMotion, MotionSettings, begun, linear, make_motion
+from zenoh_cbef.tracking.motion import (
+    MOTIONS,
+    BesideConstants,
+    LinearMotion,
+    MotionSettings,
+    begun,
+    constants_of,
+    linear,
+    make_motion,
+)
 from zenoh_cbef.tracking.motion.decay import DecayingVelocity, _closed, _series
 from zenoh_cbef.tracking.motion.turn import CoordinatedTurn
 
@@ -48,6 +57,40 @@ def test_a_state_begins_with_position_and_velocity(kind, axes):
     np.testing.assert_allclose(np.diagonal(covariance[0])[2 * axes :], np.square(motion.extra_std))
     moved = motion.predict_state(state)[0, :axes]
     np.testing.assert_allclose(moved, known[0, :axes], atol=1e-5)
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+@pytest.mark.parametrize("kind", MOTIONS)
+def test_constants_beside_a_motion_stay_and_leave_it_as_it_is(kind, axes):
+    moving = make_motion(kind, replace(SETTINGS, axes=axes))
+    motion, first = BesideConstants(moving, 3, 0.4), 2 * axes
+    state, covariance = some_beliefs(motion, 7)
+    # The same state with the constants after all that moves.
+    order = [*range(first), *range(first + 3, motion.size), *range(first, first + 3)]
+    sorted_ = covariance[:, order][:, :, order]
+    inner = state[:, order][:, : moving.size]
+    step = np.repeat(np.eye(motion.size)[None], 7, axis=0)
+    step[:, : moving.size, : moving.size] = moving.jacobian(inner)
+    ahead, spread = motion.predict_state(state), motion.predict_covariance(covariance, state)
+    np.testing.assert_array_equal(ahead[:, order][:, : moving.size], moving.predict_state(inner))
+    np.testing.assert_array_equal(ahead[:, first : first + 3], state[:, first : first + 3])
+    expected = step @ sorted_ @ np.swapaxes(step, 1, 2)
+    expected[:, : moving.size, : moving.size] += moving.process_noise
+    np.testing.assert_allclose(spread[:, order][:, :, order], expected, rtol=1e-10, atol=1e-10)
+    assert np.diagonal(motion.process_noise)[first : first + 3].tolist() == [0.0] * 3
+    assert (motion.dt, motion.axes, motion.acceleration_std) == (0.3, axes, moving.acceleration_std)
+    assert (constants_of(motion), constants_of(moving)) == (3, 0)
+
+
+def test_constants_begin_with_their_deviation_and_stay_where_a_state_has_them():
+    motion = BesideConstants(CoordinatedTurn(0.1, 0.3, turn_rate_std=0.7), 2, 0.4)
+    state, covariance = begun(motion, np.arange(1.0, 7.0)[None], np.eye(6)[None])
+    np.testing.assert_array_equal(state[0], [1, 2, 3, 4, 5, 6, 0, 0, 0])
+    np.testing.assert_allclose(np.diagonal(covariance[0]), [1] * 6 + [0.16, 0.16, 0.49])
+    known = np.arange(1.0, 9.0)[None], np.diag(np.arange(1.0, 9.0))[None]
+    state, covariance = begun(motion, *known)
+    np.testing.assert_array_equal(state[0], [1, 2, 3, 4, 5, 6, 7, 8, 0])
+    np.testing.assert_allclose(np.diagonal(covariance[0]), [1, 2, 3, 4, 5, 6, 7, 8, 0.49])
 
 
 def test_every_model_moves_with_its_velocity_at_first():

@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
-from zenoh_cbef.tracking.motion import Motion
+from zenoh_cbef.tracking.motion import BesideConstants, Motion
 from zenoh_cbef.tracking.outliers import Outliers
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.switching import Switching
@@ -183,6 +183,8 @@ class FilterSettings:
     def switching(self) -> Switching:
         """Between which motions the target switches, or noises, and how."""
         motions = self.models or self.noises or (self.motion,)
+        if self.models and self.joint_biases:
+            motions = tuple(BesideConstants(one, self.network_size, self.own_bias_std) for one in motions)
         return Switching(motions, self.leaving, nearer=self.nearer, unseen=self.unseen)
 
     @property

@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from zenoh_cbef.tracking.motion.acceleration import NearlyConstantAcceleration
-from zenoh_cbef.tracking.motion.base import LinearMotion, Motion, MotionSettings, begun, beside_constants, linear
+from zenoh_cbef.tracking.motion.base import (
+    LinearMotion,
+    Motion,
+    MotionSettings,
+    NamedMotion,
+    begun,
+    beside_constants,
+    linear,
+)
+from zenoh_cbef.tracking.motion.constants import BesideConstants, constants_of, moving_of
 from zenoh_cbef.tracking.motion.decay import DecayingVelocity
 from zenoh_cbef.tracking.motion.jump import Jump
 from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
@@ -14,6 +23,7 @@ from zenoh_cbef.tracking.motion.turning import turned
 
 __all__ = [
     "MOTIONS",
+    "BesideConstants",
     "Jump",
     "LinearMotion",
     "Motion",
@@ -22,13 +32,15 @@ __all__ = [
     "Predicted",
     "begun",
     "beside_constants",
+    "constants_of",
     "is_linear",
     "linear",
     "make_motion",
+    "moving_of",
     "turned",
 ]
 
-MOTIONS: dict[str, type[Motion]] = {
+MOTIONS: dict[str, type[NamedMotion]] = {
     "ncv": NearlyConstantVelocity,
     "decay": DecayingVelocity,
     "stationary": Stationary,

@@ -71,10 +71,6 @@ class Motion(Protocol):
     def process_noise(self) -> Floats:
         """Q, (s, s): what a step adds to a covariance."""
 
-    @classmethod
-    def of(cls, settings: MotionSettings) -> Self:
-        """The model of these settings."""
-
     def predict_state(self, state: Floats) -> Floats:
         """States (n, s) one step later."""
 
@@ -83,6 +79,14 @@ class Motion(Protocol):
 
     def jacobian(self, state: Floats) -> Floats:
         """Derivatives (n, s, s) of the next state, or (s, s) where they are the same at all states (n, s)."""
+
+
+class NamedMotion(Motion, Protocol):
+    """One that a scenario names."""
+
+    @classmethod
+    def of(cls, settings: MotionSettings) -> Self:
+        """The model of these settings."""
 
 
 @dataclass(frozen=True)
@@ -155,8 +159,8 @@ def beside_constants(motion: LinearMotion, count: int) -> tuple[Floats, Floats]:
 
 
 def begun(motion: Motion, state: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """States (n, s) and covariances (n, s, s) of a model from those of position and velocity, (n, 2 axes) and so on."""
-    extra = np.array(motion.extra_std)
+    """States (n, s) and covariances (n, s, s) of a model from those of its first components, (n, 2 axes or more)."""
+    extra = np.array(motion.extra_std[state.shape[1] - 2 * motion.axes :])
     if not len(extra):
         return state, covariance
     longer = ((0, 0), (0, len(extra)))

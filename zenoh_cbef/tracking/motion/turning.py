@@ -6,6 +6,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.motion.base import Motion
+from zenoh_cbef.tracking.motion.constants import moving_of
 from zenoh_cbef.tracking.motion.turn import CoordinatedTurn
 
 _KNOWN = 0.5
@@ -28,6 +29,7 @@ def turned(motion: Motion, before: _Gaussian, after: _Gaussian) -> _Gaussian:
     before, after: what was believed without the ranges, and with them. A motion that does not turn, or does so by older
     rules, keeps the latter, and so does a target of which the heading is not known beforehand.
     """
+    motion = moving_of(motion)
     if not (isinstance(motion, CoordinatedTurn) and motion.keeps_speed):
         return after
     (state, covariance), (moved, spread) = before, after

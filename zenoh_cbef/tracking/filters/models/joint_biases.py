@@ -20,6 +20,7 @@ from zenoh_cbef.tracking.filters.information_form import (
     unless_alone,
     variance_of,
 )
+from zenoh_cbef.tracking.filters.models.mixtures import elsewhere
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.filters.weighing import weigh
@@ -192,12 +193,7 @@ class JointBiases:
 
     def moved(self, memory: tuple[Floats, ...], place: Belief) -> tuple[Floats, ...]:
         """What a belief carries on, at another place; biases stay as they are."""
-        state, covariance, begins = (np.array(each) for each in memory)
-        size = self.motion.size
-        state[:, :size] = place.state
-        covariance[:, :size] = covariance[:, :, :size] = 0.0
-        covariance[:, :size, :size] = place.known_covariance
-        return state, covariance, begins
+        return *elsewhere((memory[0], memory[1]), place), np.array(memory[2])
 
     def widened(self, memory: tuple[Floats, ...], factor: Floats) -> tuple[Floats, ...]:
         """The same with the covariance of the target multiplied by factors (n,)."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.linalg import matvec, outer
 
 Priors = tuple[Floats, Floats, Floats]
@@ -63,3 +64,13 @@ def alike(state: Floats, covariance: Floats, count: int) -> Priors:
     likelihood = np.full((len(state), count), NEVER)
     likelihood[:, 0] = 0.0
     return np.repeat(state[:, None], count, axis=1), np.repeat(covariance[:, None], count, axis=1), likelihood
+
+
+def elsewhere(known: tuple[Floats, Floats], place: Belief) -> tuple[Floats, Floats]:
+    """Another place in the first components of what is known, (n, s) and (n, s, s); the others stay as they are."""
+    state, covariance = (one.copy() for one in known)
+    size = place.state.shape[1]
+    state[:, :size] = place.state
+    covariance[:, :size] = covariance[:, :, :size] = 0.0
+    covariance[:, :size, :size] = place.known_covariance
+    return state, covariance

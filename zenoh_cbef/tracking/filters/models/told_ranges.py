@@ -11,13 +11,13 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
-from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
+from zenoh_cbef.tracking.filters.base import Belief, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged, variance_of
 from zenoh_cbef.tracking.filters.models.beginning import Beginning
 from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
-from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, mixture
-from zenoh_cbef.tracking.filters.models.own_range import said_of
+from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, elsewhere, mixture
+from zenoh_cbef.tracking.filters.models.own_range import about_target, said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
 from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
 from zenoh_cbef.tracking.filters.models.tying import tied
@@ -51,7 +51,7 @@ class ToldRanges:
 
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
-    estimated beside position and velocity, of one linear motion; 0: there are none. anywhere: where the target may be
+    estimated beside position and velocity; 0: there are none. anywhere: where the target may be
     if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges
     bend, of which several stay then (splitting.py); 0: none. least: ranges below it, m, are none. ties: see tying.py.
     agrees: whether agents agree on the mean of their guesses before they predict it: a motion that is not linear leaves
@@ -82,10 +82,10 @@ class ToldRanges:
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:
         """The filter of these settings."""
-        motions = settings.models or settings.noises or (settings.motion,)
+        switching = settings.switching
         return cls(
-            motions=motions,
-            switching=settings.switching,
+            motions=switching.motions,
+            switching=switching,
             space=settings.space,
             range_std=settings.range_std,
             network_size=settings.network_size,
@@ -126,11 +126,12 @@ class ToldRanges:
         slots[np.arange(count), own] = self._slots.told(measurement)
         guess, spread = belief.state[:, : self._told], belief.known_covariance[:, : self._told, : self._told]
         mean = guess if self.agrees and begins.any() else priors[0][0][:, 0, : self._told]
-        payload = np.concatenate([mean, slots.reshape(count, -1)], axis=1)
-        payload = np.pad(payload, ((0, 0), (0, self.size - payload.shape[1])))
+        told = np.concatenate([mean, slots.reshape(count, -1)], axis=1)
+        payload = np.pad(told, ((0, 0), (0, self.size - told.shape[1])))
         known = ahead, own.astype(np.float64), begins, counts, guess, spread
         kept = *known, *(part for prior in priors for part in prior)
-        return Update(payload, self._diagnosed(ahead, priors, measurement, own, self._share(counts)), kept)
+        said = self._diagnosed(ahead, priors, measurement, own, share(counts) if self.seeks else None)
+        return Update(payload, said, kept)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The estimate from all ranges that came; of an agent that heard no neighbour, its prior."""
@@ -154,17 +155,19 @@ class ToldRanges:
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
             stays.append((self._centred(later[0], -1.0), *later[1:]) if later else ())
+        which = own.astype(np.intp) if self._more else None
         if len(self.motions) == 1:
-            return self._single(*found[0], own, stays[0])
+            return replace(about_target(*found[0], self._begin, which), memory=stays[0])
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
-        return Belief(*self.switching.claimed(chance, found), chance=chance, parts=parts_of)
+        claimed = about_target(*self.switching.claimed(chance, found), self._begin, which)
+        return replace(claimed, chance=chance, parts=parts_of)
 
     def _after(
         self, motion: Motion, prior: Priors, heard: Heard, counts: Floats
     ) -> tuple[Branches, tuple[Floats, ...]]:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
-        known = self.space.axes, self._biases, self._share(counts), motion
+        known = self.space.axes, self._biases, share(counts) if self.seeks else None, motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
         before = [Branches.of(split(one, heard, self.splits), *known, ties=self.ties) for one in halves]
         if self.seeks:
@@ -175,23 +178,27 @@ class ToldRanges:
         return branches, branches.distinct() if len(self.motions) == 1 else ()
 
     def resumed(self, belief: Belief) -> Belief:
-        """A belief of another filter, in the form that this one carries from step to step: it is no guess."""
+        """A belief of another filter, as this one carries it from step to step: it is no guess."""
         return self.moved(belief, belief)
 
     def moved(self, belief: Belief, place: Belief) -> Belief:
         """A belief of this filter at another place; biases stay as they are, and motions are as likely as at first."""
         state, covariance = place.state, place.known_covariance
+        there = replace(belief, state=state, covariance=covariance)
         if len(self.motions) > 1:
+            if belief.chance is not None and self._more:
+                known = [(one.state, one.known_covariance) for one in belief.parts]
+                state, covariance = elsewhere(self.switching.combined(belief.known_chance, known), place)
             chance, parts = self.switching.begun(state, covariance)
             found = tuple(Belief(*one, memory=alike(*one, STAY) if self.splits else ()) for one in parts)
-            return replace(belief, state=state, covariance=covariance, chance=chance, parts=found)
+            return replace(there, chance=chance, parts=found)
         whole, spread = self._beginning.of(state, covariance)
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
             whole[:, size:], spread[:, size:, size:] = states[:, 0, size:], covariances[:, 0, size:, size:]
         kept = alike(whole, spread, self._contest.stay * (1 + self.seeks))
         counts = (uncounted(len(state)),) if self.seeks else ()
-        return replace(belief, state=state, covariance=covariance, memory=(*kept, *counts))
+        return replace(there, memory=(*kept, *counts))
 
     def denied(self, belief: Belief) -> Bools:
         """Of which agents (n,) ranges deny the place."""
@@ -205,12 +212,14 @@ class ToldRanges:
     def _contest(self) -> Contest:
         return Contest(self.space.axes, self.outliers, splits=self.splits > 0)
 
-    def _share(self, counts: Floats) -> Floats | None:
-        return share(counts) if self.seeks else None
+    @property
+    def _begin(self) -> int:
+        """Where biases begin: after a single motion's state, or after what all motions have in common."""
+        return self.motions[0].size if len(self.motions) == 1 else self._told
 
     @property
     def _biases(self) -> int | None:
-        return self.motions[0].size if self.own_std else None
+        return self._begin if self.own_std else None
 
     def _priors(self, belief: Belief) -> tuple[Floats, list[Priors]]:
         """How likely each motion is, (n, M), and with each what may be, a step later."""
@@ -247,21 +256,12 @@ class ToldRanges:
 
     def _predicted(self, motion: Motion, state: Floats, covariance: Floats, likelihood: Floats) -> Priors:
         states, covariances = state.reshape(-1, state.shape[2]), covariance.reshape(-1, *covariance.shape[2:])
-        if self._more:
+        if self._more and len(self.motions) == 1:
             transition, noise = self._dynamics
             ahead, spread = matvec(transition, states), transition @ covariances @ transition.T + noise
         else:
             ahead, spread = motion.predict_state(states), motion.predict_covariance(covariances, states)
         return ahead.reshape(state.shape), spread.reshape(covariance.shape), likelihood
-
-    def _single(self, state: Floats, covariance: Floats, own: Floats, later: tuple[Floats, ...]) -> Belief:
-        """The belief of one motion, with the agent's own bias."""
-        size, bias = self.motions[0].size, None
-        if self._more:
-            rows, place = np.arange(len(state)), size + own.astype(np.intp)
-            bias = Bias.constant(state[rows, place], np.sqrt(np.maximum(covariance[rows, place, place], 0.0)))
-        here = np.ascontiguousarray(state[:, :size]), np.ascontiguousarray(covariance[:, :size, :size])
-        return Belief(*here, bias, later)
 
     def _own(self, measurement: Measurement) -> Rows:
         """The agents' places in a payload, (n,)."""
