@@ -68,6 +68,41 @@ def test_agents_with_no_range_to_spare_split_closely_and_may_be_in_one_plane(set
         assert settings.drifts is not now
 
 
+DRAWN, HIDDEN = "sensor.bias_std=0.5", 'fault=[{kind="sensor-bias",bias=0.3,agents=[1]}]'
+
+
+@pytest.mark.parametrize(
+    ("more", "together"),
+    [
+        ([DRAWN], True),
+        ([HIDDEN], True),
+        ([DRAWN, "filter.planar_height=0.4", "agents.count=4"], True),
+        ([DRAWN, "agents.count=4"], False),
+        ([DRAWN, "agents.count=13"], False),
+        ([DRAWN, "consensus.rounds=4"], False),
+        ([DRAWN, "consensus.precision=float32"], False),
+        ([DRAWN, "sensor.bias=0.3"], False),
+        ([DRAWN, "filter.motion=ncv"], False),
+        ([DRAWN, "filter.defaults=15"], False),
+    ],
+    ids=lambda one: " ".join(one) if isinstance(one, list) else None,
+)
+def test_biases_are_estimated_beside_several_motions_by_agents_that_tell_their_ranges(more, together):
+    plan = Plan(load("tracking", [*CORNERS, *more]).scenario)
+    assert bool(plan.models) is together
+    assert plan.tells_ranges or not together
+    assert plan.bias == "estimate"
+    assert plan.settings.switching.size == 2 * plan.space.axes + together * plan.scenario.count
+
+
+@pytest.mark.slow
+def test_drawn_biases_do_not_lose_a_target_that_turns_corners():
+    corners = "target.waypoints=[[0,0,0],[5,5,5],[-5,5,-5],[5,-5,5],[-5,-5,-5],[0,0,0]]"
+    keys = *CORNERS, corners, DRAWN, "steps=150"
+    before, now = (errors_of(*keys, rules=rules)[0][:, :, 50:] for rules in (15, 16))
+    assert np.sqrt(np.mean(now**2)) < 0.2 * np.sqrt(np.mean(before**2))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("sets", "seed"), [(RARE, 1028), (RARE, 1019)])
 def test_corners_of_which_ranges_tell_one_by_one_are_held(sets, seed):
