@@ -10,7 +10,7 @@ import pytest
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters.finding.patience import gives_up, left_to_a_fix
+from zenoh_cbef.tracking.filters.finding.patience import gives_up, hears_again, left_to_a_fix
 from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 from zenoh_cbef.tracking.status import COASTING, LOST, Status
 
@@ -48,6 +48,28 @@ def test_a_network_whose_ranges_do_not_fit_even_now_gives_up_soon(which, steps, 
     status = known(which, steps, latest)
     assert gives_up(settings_of(), status, ranges).tolist() == [gives[0]]
     assert gives_up(settings_of("filter.defaults=8"), status, ranges).tolist() == [gives[1]]
+
+
+@pytest.mark.parametrize(
+    ("coasts", "steps", "last", "heard", "again"),
+    [
+        (True, 4, 5, False, False),
+        (True, 4, 4, False, True),
+        (True, 4, 5, True, True),
+        (False, 4, 5, False, True),
+    ],
+    ids=["a range before", "a range since", "a range now", "it does not coast"],
+)
+def test_a_fix_waits_for_ranges_that_come_while_the_network_coasts(coasts, steps, last, heard, again):
+    """The last range came `last` steps before this one, and the network coasts for so many steps."""
+    ranges = np.full((1, 2 * WINDOW), np.nan)
+    ranges[0, -last] = 1.0
+    status = replace(known(COASTING, steps, 0.0), spread=np.ones(1), reference=np.array([0.1 if coasts else 1.0]))
+    now, before, real = (
+        hears_again(settings_of(*keys), status, ranges, np.array([heard]))
+        for keys in ((), ("filter.defaults=15",), ("sensor.real=true",))
+    )
+    assert (now.tolist(), before.tolist(), real.tolist()) == ([again], [True], [True])
 
 
 def test_a_fix_that_did_not_help_is_not_made_again_soon():

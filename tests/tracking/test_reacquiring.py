@@ -50,6 +50,19 @@ def test_after_a_long_silence_the_target_is_tracked_within_seconds_of_ranges():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("count", [6, 13])
+def test_in_a_silence_a_target_that_turns_is_predicted_by_its_motions_and_no_fix_forgets_them(count):
+    keys = "target.motion=circle", "target.radius=5", "target.period=8", silence(8.0, 13.0), f"agents.count={count}"
+    before, now = (runs(*keys, f"filter.defaults={rules}", seeds=2, steps=160) for rules in (15, 16))
+    for old, new in zip(before, now, strict=True):
+        assert errors(new)[80:130].max() < min(4.0, 0.5 * errors(old)[80:130].max())
+        assert (new.diagnostics.status[:, 90:130] == COASTING).all()
+        # A first fix takes two seconds, and no agent says that it tracks while it is off.
+        assert errors(new)[152:].max() < 0.5
+        assert (new.diagnostics.status[0, 80:][errors(new)[80:] > 1.0] != TRACKING).all()
+
+
+@pytest.mark.slow
 def test_a_network_that_holds_on_to_a_wrong_place_begins_again():
     # By later rules ranges show that the acceleration is wrong, too.
     start = "filter.start=given", "filter.initial_position=[30,-30,10]"
@@ -160,7 +173,7 @@ def test_whatever_stands_around_the_filter_a_batch_and_each_run_alone_give_the_s
         assert alone.payloads.tobytes() == expected.payloads.tobytes()
         assert alone.diagnostics.status.tobytes() == expected.diagnostics.status.tobytes()
         # Agents that tell each other their ranges make no other fix.
-        assert Plan(one).seeks or (expected.diagnostics.status[:, 90:] == ACQUIRING).any(axis=1).all()
+        assert Plan(one).tells_ranges or (expected.diagnostics.status[:, 90:] == ACQUIRING).any(axis=1).all()
         assert np.isfinite(expected.estimates).all()
 
 

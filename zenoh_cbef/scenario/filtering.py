@@ -249,7 +249,8 @@ class Filtering(Meant):
             reacquires=window,
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),
-            drifts=not drawn_flat or network.parts(scenario),
+            drifts=network.parts(scenario) or not (chosen.defaults > 15 and self.models and self.splits),
+            awaits=chosen.defaults > 15 and not trust.real(scenario),
             # At turns among told outliers an estimate is unsure for some steps, though no range is missing.
             bends=chosen.defaults > 7 and not (tells or (self.models and trust.weighed_outliers(scenario))),
             prompt=chosen.defaults > 8 and not trust.real(scenario),

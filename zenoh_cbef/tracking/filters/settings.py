@@ -160,6 +160,8 @@ class FilterSettings:
     """Whether agents say so when they do not know on which side of them the target is."""
     drifts: bool = True
     """Whether agents that have coasted too far begin another fix."""
+    awaits: bool = False
+    """Whether another fix after coasting waits for ranges that came meanwhile."""
     bends: bool = False
     """Whether agents coast no further than ranges are straight lines."""
     reacquires: int = 0

@@ -41,6 +41,19 @@ def gives_up(settings: FilterSettings, known: Status, ranges: Floats) -> Bools:
     return np.asarray(long & patient)
 
 
+def hears_again(settings: FilterSettings, known: Status, ranges: Floats, heard: Bools) -> Bools:
+    """Which agents (n,) have heard the target since they began to coast; by the fifteenth rules all, as far as known.
+
+    A fix on ranges from before that tells nothing new, and forgets how the target moved. ranges: the latest of each,
+    (n, 2 W). heard: whether another one came in this step, (n,).
+    """
+    if not settings.awaits:
+        return np.ones_like(heard)
+    steps = np.round(known.seconds / settings.motion.dt)
+    since = np.arange(ranges.shape[1], 0, -1) <= np.where(known.coasts, steps, ranges.shape[1])[:, None]
+    return np.asarray(heard | (np.isfinite(ranges) & since).any(axis=1))
+
+
 def left_to_a_fix(settings: FilterSettings, measurement: Measurement, rows: Bools) -> Measurement:
     """What the filter hears while some agents (n,) are adrift, or in a fix: none of their ranges.
 

@@ -14,7 +14,7 @@ from zenoh_cbef.tracking.filters.finding.drifted import drifted
 from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.finding.moved import moved
-from zenoh_cbef.tracking.filters.finding.patience import gives_up, left_to_a_fix
+from zenoh_cbef.tracking.filters.finding.patience import gives_up, hears_again, left_to_a_fix
 from zenoh_cbef.tracking.filters.finding.proving import fitting
 from zenoh_cbef.tracking.filters.finding.search import Search, decides
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
@@ -153,7 +153,8 @@ class Reacquiring(Wrapping):
         if (~heard).nonzero()[0].size:
             lately = heard | np.isfinite(search.ranges[:, -self.window :]).any(axis=1)
         gone = gives_up(self.settings, known, search.ranges)
-        wish = ((search.adrift > 0.0) & lately | gone).astype(np.float64)
+        back = lately & hears_again(self.settings, known, search.ranges, heard)
+        wish = ((search.adrift > 0.0) & back | gone).astype(np.float64)
         if counted:
             wish += wish - 1.0
             wish[~lately] = 0.0
