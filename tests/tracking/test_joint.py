@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,7 +78,7 @@ def test_the_centralised_filter_is_a_network_that_averages_exactly(agents, more)
 
 
 def test_several_motions_that_are_one_leave_the_filter_with_biases_as_it_is():
-    biases = {"bias": "estimate", "own_bias_std": 0.8, "joint_biases": True, "told_biases": True}
+    biases: dict[str, Any] = {"bias": "estimate", "own_bias_std": 0.8, "joint_biases": True, "told_biases": True}
     one = FilterSettings(CALM, Space(), STD, XI, 5, **biases)
     initial, positions, ranges, age = scene(5, 0.8)
     found, expected = (
