@@ -77,14 +77,8 @@ def taken_in(
     turns that off. power: of the saturation. widens: see `saturated_precision`. outliers: in place of all three.
     biases: where those of all agents begin in a state; None: it has none.
     """
-    runs, agents = seen.range.shape
     state, covariance = predict(motion, belief)
-    predicted, rows = own_range(space, np.repeat(state, agents, axis=0), seen.position.reshape(-1, 3), seen.age.ravel())
-    rows, measured = rows.reshape(runs, agents, -1), np.isfinite(seen.range)
-    predicted = predicted.reshape(runs, agents)
-    if biases is not None:
-        rows[:, range(agents), range(biases, biases + agents)] = 1.0
-        predicted = predicted + state[:, biases : biases + agents]
+    (predicted, rows), measured = _expected(space, state, seen, biases), np.isfinite(seen.range)
     innovation = np.where(measured, seen.range - predicted, 0.0)
     variance = seen.std**2
     spread = np.sqrt(np.add.reduce(rows * (rows @ covariance), axis=2) + variance)
@@ -110,6 +104,17 @@ def taken_in(
         costs=cost,
         pull=pull,
     )
+
+
+def _expected(space: Space, state: Floats, seen: Ranges, biases: int | None) -> tuple[Floats, Floats]:
+    """Ranges (r, n) that states (r, s) make expected, and their gradients (r, n, s)."""
+    runs, agents = seen.range.shape
+    predicted, rows = own_range(space, np.repeat(state, agents, axis=0), seen.position.reshape(-1, 3), seen.age.ravel())
+    predicted, rows = predicted.reshape(runs, agents), rows.reshape(runs, agents, -1)
+    if biases is not None:
+        rows[:, range(agents), range(biases, biases + agents)] = 1.0
+        predicted = predicted + state[:, biases : biases + agents]
+    return predicted, rows
 
 
 def each_step(*, positions: Floats, ranges: Floats, age: Floats, range_std: float) -> Iterator[Ranges]:
