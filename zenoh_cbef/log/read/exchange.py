@@ -51,7 +51,7 @@ def read_exchange(
         if not chosen:
             raise UserError(f"the log has steps between {min(spans.values())[0]:.3f} s and {end:.3f} s; change --from")
     _refuse_too_large(builder.count(since, until), chosen if steps else [], since, until)
-    return builder.exchange(chosen, since, until)
+    return builder.exchange(chosen, since, until, by_time=not steps)
 
 
 def _refuse_too_large(count: int, steps: list[int], since: float, until: float) -> None:
@@ -87,9 +87,13 @@ class _Builder:
         sent = int(inside[0][:, :, 0 if self._ranges else 1 :].sum())
         return int(inside[1].sum()) + round(sent * links / self._scenario.count)
 
-    def exchange(self, steps: list[int], since: float, until: float) -> Exchange:
-        """Everything of some steps, as far as it lies between two times."""
+    def exchange(self, steps: list[int], since: float, until: float, *, by_time: bool) -> Exchange:
+        """Everything of some steps, as far as it lies between two times.
+
+        by_time: with late messages of steps before, which were still under way.
+        """
         passages = [one for step in steps for one in (*self._beacons(step), *self._messages(step))]
+        passages += self._late(steps[0], since) if by_time else []
         near = [one for one in passages if one.ended >= since and one.sent <= until]
         times, scenario = self.times, self._scenario
         notes = self._lacking(steps)
@@ -149,6 +153,14 @@ class _Builder:
             if told is not None:
                 for place in range(len(told.neighbours)):
                     yield from self._from(place, told, agent, step)
+
+    def _late(self, first: int, since: float) -> Iterator[Passage]:
+        """Messages of the steps before the first one that came after a time."""
+        for step in range(first - 1, 0, -1):
+            late = [one for one in self._messages(step) if one.ended >= since]
+            if not late:
+                return
+            yield from late
 
     def _due(self, step: int) -> list[tuple[int, int]]:
         """Step and round of the messages that each neighbour should have brought by a step, in the order of marks."""
