@@ -161,6 +161,16 @@ def test_a_window_of_time_holds_what_was_under_way_in_it(faulty):
     expected = [one for one in whole.passages if one.ended >= middle]
     assert part.passages == expected
     assert 0 < len(expected) < len(whole.passages)
+    # A message that came late was under way until then, though its step had ended.
+    latest = max(
+        (one for one in whole.passages if one.fortune == "late"), key=lambda one: one.ended - ended_of(whole, one.step)
+    )
+    assert latest in read_exchange(faulty.log, since=latest.ended, until=whole.until).passages
+
+
+def ended_of(whole, step):
+    """When a step's last estimate was there."""
+    return max(time for _, one, time in whole.estimates if one == step)
 
 
 def test_the_command_writes_a_picture_and_a_page(faulty):
