@@ -57,7 +57,7 @@ def write_whole(path: Path, text: str) -> None:
 
 @contextmanager
 def replacing(output: Path) -> Iterator[Path]:
-    """As `whole`, for callers with a remedy of their own. Raises OSError, and UserError where its folder cannot be made."""
+    """As `whole`, for callers with a remedy of their own. Raises OSError, and UserError if it gets no folder."""
     make_folder(output.parent)
     with tempfile.TemporaryDirectory(prefix=".export-", dir=output.parent) as folder:
         fresh = Path(folder) / output.name

@@ -51,11 +51,11 @@ class ToldRanges:
 
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
-    estimated beside position and velocity; 0: there are none. anywhere: where the target may be
-    if the guesses are wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges
-    bend, of which several stay then (splitting.py); 0: none. least: ranges below it, m, are none. ties: see tying.py.
-    agrees: whether agents agree on the mean of their guesses before they predict it: a motion that is not linear leaves
-    each of them another covariance otherwise.
+    estimated beside position and velocity; 0: there are none. anywhere: where the target may be if the guesses are
+    wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges bend, of which
+    several stay then (splitting.py); 0: none. least: ranges below it, m, are none. ties: see tying.py. agrees: whether
+    agents agree on the mean of their guesses before they predict it: a motion that is not linear leaves each of them
+    another covariance otherwise.
     """
 
     motions: tuple[Motion, ...]
