@@ -77,7 +77,7 @@ def test_calm_motions_are_five_times_calmer_than_by_older_rules_unless_their_noi
         ("filter.kind=ci",),
         ("filter.kind=cbef",),
         ("filter.recovery=true", "filter.defaults=3"),
-        ("sensor.bias=0.3",),
+        ("sensor.bias=0.3", "filter.defaults=16"),
         ("consensus.trim=1",),
         ("filter.motion=turn",),
         ("filter.defaults=1",),

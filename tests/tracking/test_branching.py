@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from zenoh_cbef.tracking.filters.models.branching import Branches, Heard
+from zenoh_cbef.tracking.filters.models.branching import Branches, Heard, likelihoods
 from zenoh_cbef.tracking.filters.models.branching import conditioned as taken_in
 
 PLACES = np.array([[-9.0, -7, 3], [8, -6, -5], [7, 8, 2], [-6, 9, -7], [1, -9, 9], [-2, 5, -8]])
@@ -85,6 +86,32 @@ def test_guesses_that_no_range_fits_are_given_up_at_once():
         for doubt in (0.0, 0.01)
     )
     assert np.linalg.norm((both - truth)[0, :3]) < 2.0 < np.linalg.norm((alone - truth)[0, :3])
+
+
+@pytest.mark.parametrize("spread", [0.01, 0.3, 3.0])
+@pytest.mark.parametrize("outliers", [(0.3, 20.0), None])
+def test_how_likely_a_wrong_range_is_does_not_depend_on_how_its_square_is_linearised(spread, outliers):
+    # Errors of 5 and 30 m: their densities are what the distribution says, whatever a motion leaves open of the place.
+    place, prior = np.array([[1.0, 2, -1, 0, 0, 0]]), np.diag([spread] * 3 + [1.0] * 3)[None] ** 2
+    known = (place[:, None], prior[:, None], np.zeros((1, 1)))
+    densities = {}
+    for exact in (True, False):
+        branches = Branches.of(known, 3, share=np.full((1, 1), 0.02), exact=exact)
+        told = []
+        for error in (5.0, 30.0):
+            heard = heard_of(place[:, :3], np.full((1, 6), error / STD))
+            told.append(likelihoods(branches.expected(heard, 0), heard.variance[:, :1], outliers, branches.share)[1])
+        densities[exact] = float(told[1][0, 0] - told[0][0, 0])
+    # The place is farther off on average than its mean is, by what is left open across the line of sight.
+    length = np.linalg.norm(place[0, :3] - PLACES[0])
+    half, bend = np.sqrt(0.5 * np.pi * (branches.expected(heard, 0).variance + STD**2))[0, 0], 1.5 * spread**2 / length
+    if outliers is not None:
+        assert densities[True] == pytest.approx(-25.0 / (20.0 + half), abs=0.01)
+        assert abs(densities[False] - densities[True]) > 0.2
+        return
+    scale = 50.0 * STD + half
+    longer = (1.0 + (5.0 - bend) / scale) / (1.0 + (30.0 - bend) / scale)
+    assert densities[True] == pytest.approx(2.0 * np.log(longer), abs=0.01)
 
 
 def test_a_row_is_the_same_in_every_batch():

@@ -27,7 +27,7 @@ def drawn(random):
             rows, size = which == j, motion.size
             if size > 6:
                 begins = rows & left
-                states[begins, 6] = motion.extra_std[0] * random.normal(size=begins.sum())
+                states[begins, 6] = np.sqrt(motion.extra_covariance[0, 0]) * random.normal(size=begins.sum())
             roots = np.linalg.svd(motion.process_noise)
             noise = random.normal(size=(rows.sum(), size)) * np.sqrt(roots[1]) @ roots[0].T
             states[rows, :size] = motion.predict_state(states[rows, :size]) + noise

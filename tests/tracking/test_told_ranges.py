@@ -81,7 +81,11 @@ DRAWN, HIDDEN = "sensor.bias_std=0.5", 'fault=[{kind="sensor-bias",bias=0.3,agen
         ([DRAWN, "agents.count=13"], False),
         ([DRAWN, "consensus.rounds=4"], False),
         ([DRAWN, "consensus.precision=float32"], False),
-        ([DRAWN, "sensor.bias=0.3"], False),
+        ([DRAWN, "sensor.bias=0.3"], True),
+        (["sensor.bias=0.3"], True),
+        (["sensor.bias=[1,-1,1,-1,1,-1]"], True),
+        (["sensor.bias=0.3", "filter.defaults=16"], False),
+        (["sensor.bias=0.3", "filter.bias_common_std=0.3"], False),
         ([DRAWN, "filter.motion=ncv"], False),
         ([DRAWN, "filter.defaults=15"], False),
     ],
@@ -101,6 +105,14 @@ def test_drawn_biases_do_not_lose_a_target_that_turns_corners():
     keys = *CORNERS, corners, DRAWN, "steps=150"
     before, now = (errors_of(*keys, rules=rules)[0][:, :, 50:] for rules in (15, 16))
     assert np.sqrt(np.mean(now**2)) < 0.2 * np.sqrt(np.mean(before**2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", [("sensor.bias=0.5",), (DRAWN, *OUTLIERS[1:])], ids=["alike", "outliers"])
+def test_biases_and_turns_are_told_apart(wrong):
+    keys = "target.motion=circle", "target.radius=5", "target.period=8", "steps=200", *wrong
+    before, now = (errors_of(*keys, rules=rules)[0][:, :, 75:] for rules in (16, 17))
+    assert np.sqrt(np.mean(now**2)) < 0.7 * np.sqrt(np.mean(before**2))
 
 
 @pytest.mark.slow

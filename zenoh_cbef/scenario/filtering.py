@@ -185,6 +185,7 @@ class Filtering(Meant):
             seeks=self.seeks,
             splits=self.splits,
             ties=self._may_leap,
+            exact=chosen.defaults > 16,
             agrees=chosen.defaults > 15,
             fits=chosen.defaults > 15 and self.squares and self._leaps,
             plane=self.plane,

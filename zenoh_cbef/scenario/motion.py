@@ -115,7 +115,8 @@ def doubted_noises(scenario: Scenario, motion: Motion, *, told: bool, leaps: boo
     known = told_of or chosen.defaults < 13
     exact = not (stage.precision.startswith("int") or stage.trigger or stage.lag or stage.trim)
     together = exact and scenario.count > 1 and stage.rounds > 0 and chosen.measurement == "range"
-    if known or trust.real(scenario) or not together or not isinstance(motion, LinearMotion) or motion.extra_std:
+    doubted = together and not (known or trust.real(scenario))
+    if not doubted or not isinstance(motion, LinearMotion) or motion.size > 2 * motion.axes:
         return ()
     return tuple(
         replace(motion, acceleration_std=factor * motion.acceleration_std)
@@ -142,7 +143,7 @@ def assumed_motion(scenario: Scenario, range_std: float, axes: int, *, leaps: bo
 def plain_motion(motions: Sequence[Motion], otherwise: Motion) -> LinearMotion:
     """The first of some motions that is linear in position and velocity and has no other state, or ncv."""
     for motion in motions:
-        if isinstance(motion, LinearMotion) and not motion.extra_std:
+        if isinstance(motion, LinearMotion) and motion.size == 2 * motion.axes:
             return motion
     return NearlyConstantVelocity(otherwise.dt, otherwise.acceleration_std, otherwise.axes)
 

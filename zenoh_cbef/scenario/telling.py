@@ -27,7 +27,7 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
         return True
     several = len(motions) > 1 and scenario.filter.defaults > 13
     fewest = agile.axes - (several and scenario.filter.defaults > 15)
-    if not _may(scenario, fewest + (not several)):
+    if not _may(scenario, fewest + (not several), several=several):
         return False
     if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
         return True
@@ -43,11 +43,12 @@ def tells_biased(scenario: Scenario, axes: int) -> bool:
 
     What they share otherwise is the information of one motion.
     """
-    together = trust.tells_biases(scenario) and trust.shares_biases(scenario)
-    return scenario.filter.defaults > 15 and together and _everywhere(scenario) and _may(scenario, axes + 1)
+    biased = trust.tells_biases(scenario) and trust.shares_biases(scenario)
+    told = biased and _everywhere(scenario) and _may(scenario, axes + 1, several=True)
+    return told and scenario.filter.defaults > 15
 
 
-def _may(scenario: Scenario, least: int) -> bool:
+def _may(scenario: Scenario, least: int, *, several: bool) -> bool:
     """Whether the scenario leaves it open, and its agents, all honest, are few and hear each other's very numbers.
 
     But more than there are unknowns in a step, the least number: with less ranges any place fits, or its mirror image
@@ -60,7 +61,7 @@ def _may(scenario: Scenario, least: int) -> bool:
     exact = stage.precision == "float64" and not (stage.trigger or stage.lag or stage.trim)
     honest = not (trust.suspects(scenario) or trust.real(scenario))
     few = least < scenario.count <= network.FEW and stage.rounds > 0
-    fits = able.saturates and able.biases and left_open and _explained(scenario)
+    fits = able.saturates and able.biases and left_open and _explained(scenario, several=several)
     return chosen.defaults > 11 and few and exact and honest and fits
 
 
@@ -134,12 +135,15 @@ def _everywhere(scenario: Scenario) -> bool:
     return scenario.consensus.rounds >= scenario.count - 1
 
 
-def _explained(scenario: Scenario) -> bool:
-    """Whether ranges have no constant errors, but such as are estimated together, or are so large that they show."""
-    sensor = scenario.sensor
-    if np.any(np.array(sensor.bias)) or scenario.filter.bias_common_std is not None:
+def _explained(scenario: Scenario, *, several: bool) -> bool:
+    """Whether ranges have no constant errors, but such as are estimated together, or are so large that they show.
+
+    Beside several motions these may have a part in common.
+    """
+    sensor, given = scenario.sensor, bool(np.any(np.array(scenario.sensor.bias)))
+    if scenario.filter.bias_common_std is not None or (given and not (several and scenario.filter.defaults > 16)):
         return False
-    return sensor.bias_std == 0.0 or trust.shares_biases(scenario)
+    return (sensor.bias_std == 0.0 and not given) or trust.shares_biases(scenario)
 
 
 def _strays(scenario: Scenario, motion: Motion, range_std: float, settling: int) -> bool:

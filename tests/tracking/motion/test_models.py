@@ -54,7 +54,7 @@ def test_a_state_begins_with_position_and_velocity(kind, axes):
     assert covariance.shape == (1, motion.size, motion.size)
     np.testing.assert_array_equal(state[:, : 2 * axes], known)
     np.testing.assert_array_equal(covariance[:, : 2 * axes, : 2 * axes], np.eye(2 * axes)[None])
-    np.testing.assert_allclose(np.diagonal(covariance[0])[2 * axes :], np.square(motion.extra_std))
+    np.testing.assert_array_equal(covariance[0, 2 * axes :, 2 * axes :], motion.extra_covariance)
     moved = motion.predict_state(state)[0, :axes]
     np.testing.assert_allclose(moved, known[0, :axes], atol=1e-5)
 
@@ -91,6 +91,14 @@ def test_constants_begin_with_their_deviation_and_stay_where_a_state_has_them():
     state, covariance = begun(motion, *known)
     np.testing.assert_array_equal(state[0], [1, 2, 3, 4, 5, 6, 7, 8, 0])
     np.testing.assert_allclose(np.diagonal(covariance[0]), [1, 2, 3, 4, 5, 6, 7, 8, 0.49])
+
+
+def test_what_constants_have_in_common_is_a_part_of_each_and_makes_them_alike():
+    alike = BesideConstants(CoordinatedTurn(0.1, 0.3, turn_rate_std=0.7), 3, 0.4, common_std=2.0)
+    _, covariance = begun(alike, np.zeros((1, 6)), np.eye(6)[None])
+    np.testing.assert_allclose(covariance[0, 6:9, 6:9], 0.4**2 * np.eye(3) + 2.0**2 * np.ones((3, 3)))
+    np.testing.assert_array_equal(covariance[0, 9], [0, 0, 0, 0, 0, 0, 0, 0, 0, 0.7**2])
+    np.testing.assert_array_equal(covariance[0, :6, 6:], np.zeros((6, 4)))
 
 
 def test_every_model_moves_with_its_velocity_at_first():

@@ -21,7 +21,7 @@ def chosen(old: Belief, new: Belief, rows: Bools) -> Belief:
     """A belief with some rows (n,) taken from another one of the same filter and step."""
 
     def pick(first: Floats, second: Floats) -> Floats:
-        return np.where(rows.reshape(-1, *(1,) * (first.ndim - 1)), second, first)
+        return picked(first, second, rows)
 
     def pick_any(first: Floats | None, second: Floats | None) -> Floats | None:
         return None if first is None or second is None else pick(first, second)
@@ -41,6 +41,11 @@ def chosen(old: Belief, new: Belief, rows: Bools) -> Belief:
         chance=pick_any(old.chance, new.chance),
         excess=pick_any(old.excess, new.excess),
     )
+
+
+def picked(old: Floats, new: Floats, rows: Bools) -> Floats:
+    """An array (n, ...) with some rows (n,) taken from another one."""
+    return np.where(rows.reshape(-1, *(1,) * (old.ndim - 1)), new, old)
 
 
 def some(belief: Belief, rows: Rows) -> Belief:

@@ -65,6 +65,9 @@ class FilterSettings:
     """Whether what agents claim allows for a turn that ranges do not show yet."""
     ties: bool = False
     """Whether steps may be so long that a target which turns is anywhere after one (see tying.py)."""
+    exact: bool = False
+    """Whether agents that tell each other their ranges count errors of wrong ones from the distance (see branching.py).
+    """
     agrees: bool = False
     """Whether agents that tell each other their ranges agree on their guesses before they predict them."""
     fits: bool = False
@@ -106,7 +109,7 @@ class FilterSettings:
     bias: str = "none"
     """`none`, `estimate` or `auto`."""
     joint_biases: bool = False
-    """Whether agents estimate all biases together, which have no common part then."""
+    """Whether agents estimate all biases together."""
     common_bias_std: float = 0.0
     """Prior of what all biases have in common, m."""
     own_bias_std: float = 0.0
@@ -186,7 +189,8 @@ class FilterSettings:
         """Between which motions the target switches, or noises, and how."""
         motions = self.models or self.noises or (self.motion,)
         if self.models and self.joint_biases:
-            motions = tuple(BesideConstants(one, self.network_size, self.own_bias_std) for one in motions)
+            biases = self.network_size, self.own_bias_std, self.common_bias_std
+            motions = tuple(BesideConstants(one, *biases) for one in motions)
         return Switching(motions, self.leaving, nearer=self.nearer, unseen=self.unseen)
 
     @property

@@ -27,9 +27,9 @@ class NearlyConstantAcceleration(LinearMotion):
         return 3 * self.axes
 
     @property
-    def extra_std(self) -> tuple[float, ...]:
+    def extra_covariance(self) -> Floats:
         """Before the first step the acceleration is unknown up to q."""
-        return (self.acceleration_std,) * self.axes
+        return np.asarray(np.square(self.acceleration_std) * np.eye(self.axes))
 
     @cached_property
     def transition(self) -> Floats:

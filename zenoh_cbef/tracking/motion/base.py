@@ -64,8 +64,8 @@ class Motion(Protocol):
         """Number of state components s."""
 
     @property
-    def extra_std(self) -> tuple[float, ...]:
-        """Standard deviations, before the first step, of the components that follow position and velocity."""
+    def extra_covariance(self) -> Floats:
+        """Covariance (e, e), before the first step, of the components that follow position and velocity."""
 
     @property
     def process_noise(self) -> Floats:
@@ -111,9 +111,9 @@ class LinearMotion:
         return 2 * self.axes
 
     @property
-    def extra_std(self) -> tuple[float, ...]:
+    def extra_covariance(self) -> Floats:
         """Nothing follows position and velocity."""
-        return ()
+        return np.zeros((0, 0))
 
     @property
     @abstractmethod
@@ -160,10 +160,11 @@ def beside_constants(motion: LinearMotion, count: int) -> tuple[Floats, Floats]:
 
 def begun(motion: Motion, state: Floats, covariance: Floats) -> tuple[Floats, Floats]:
     """States (n, s) and covariances (n, s, s) of a model from those of its first components, (n, 2 axes or more)."""
-    extra = np.array(motion.extra_std[state.shape[1] - 2 * motion.axes :])
+    known = state.shape[1] - 2 * motion.axes
+    extra = motion.extra_covariance[known:, known:]
     if not len(extra):
         return state, covariance
     longer = ((0, 0), (0, len(extra)))
     widened = np.pad(covariance, (*longer, (0, len(extra))))
-    widened[:, -len(extra) :, -len(extra) :] = np.diag(extra**2)
+    widened[:, -len(extra) :, -len(extra) :] = extra
     return np.pad(state, longer), widened

@@ -14,14 +14,16 @@ from zenoh_cbef.tracking.motion.base import Motion
 
 @dataclass(frozen=True)
 class BesideConstants:
-    """State (p, v, d, more): position, velocity, count constants d_i ~ N(0, std^2), and what else the motion has.
+    """State (p, v, d, more): position, velocity, count constants d_i, and what else the motion has.
 
     So all motions between which a target switches begin with the same components. moving: the motion of the rest.
+    cov(d) = std^2 I + common_std^2 1 1^T before the first step: what constants have in common is a part of each.
     """
 
     moving: Motion
     count: int
     std: float
+    common_std: float = 0.0
 
     @property
     def dt(self) -> float:
@@ -44,9 +46,12 @@ class BesideConstants:
         return self.moving.size + self.count
 
     @property
-    def extra_std(self) -> tuple[float, ...]:
+    def extra_covariance(self) -> Floats:
         """Of the constants, and of what else the motion has, before the first step."""
-        return (self.std,) * self.count + self.moving.extra_std
+        rest = self.moving.extra_covariance
+        covariance = np.pad(rest, (self.count, 0))
+        covariance[: self.count, : self.count] = np.square(self.std) * np.eye(self.count) + self.common_std**2
+        return covariance
 
     @cached_property
     def _places(self) -> NDArray[np.intp]:

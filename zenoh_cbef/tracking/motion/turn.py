@@ -47,9 +47,9 @@ class CoordinatedTurn:
         return 2 * self.axes + 1
 
     @property
-    def extra_std(self) -> tuple[float, ...]:
+    def extra_covariance(self) -> Floats:
         """That of the rate."""
-        return (self.turn_rate_std,)
+        return np.square([[self.turn_rate_std]])
 
     @cached_property
     def process_noise(self) -> Floats:

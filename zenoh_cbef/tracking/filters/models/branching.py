@@ -47,7 +47,8 @@ class Expected:
 
     row: (n, k, d), the squared range's derivative. distance, m, and its variance, m^2, without the noise. excess: the
     squared range over what is expected, m^2. total: the variance of that, m^4. unit: 2 l, m, by which it is divided to
-    be an innovation of the range.
+    be an innovation of the range. beyond: m, by how much the range is longer, if it is
+    wrong, and around: m^2, the variance of that.
     """
 
     row: Floats
@@ -56,6 +57,8 @@ class Expected:
     excess: Floats
     total: Floats
     unit: Floats
+    beyond: Floats
+    around: Floats
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,9 @@ class Branches:
     mean: (n, k, d). covariance: (n, k, d, d). likelihood: (n, k), its logarithm. wrong: (n, k), how many ranges of the
     step are. biases: where those of a state begin. share: (n, 1), p where the scenario tells of no outliers; None: by
     the first rules. slack: (n, k), m^4, the variance that e has about its regression on x; None: e stays tied to x by
-    that alone. motion: by which ranges may turn the velocity (see `turned`); None: they move it.
+    that alone. motion: by which ranges may turn the velocity (see `turned`); None: they move it. exact: whether a
+    wrong range's error counts from the distance, or in the square, by earlier rules: about a length that this range
+    moves by metres, the more the less is known of the place, so that outliers spoke for agile motions.
     Squared ranges are linear in y = (x, e), e = |u|^2 with the position u: see `SquaredInformation`, which has the same
     equations. x: position, velocity, what else moves it, and perhaps the agents' biases from component `biases` on.
 
@@ -92,6 +97,7 @@ class Branches:
     share: Floats | None = None
     slack: Floats | None = None
     motion: Motion | None = None
+    exact: bool = False
 
     @classmethod
     def of(
@@ -103,6 +109,7 @@ class Branches:
         motion: Motion | None = None,
         *,
         ties: bool = False,
+        exact: bool = False,
     ) -> Branches:
         """Of each prior one; e as the statistical linear regression on it tells. ties: see tying.py."""
         state, covariance, likelihood = priors
@@ -121,7 +128,7 @@ class Branches:
         slack = 2.0 * np.add.reduce(flat * flat, axis=2)
         whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + slack
         none = np.zeros_like(likelihood)
-        return cls(mean, whole, likelihood, none, axes, biases, share, slack if ties else None, motion)
+        return cls(mean, whole, likelihood, none, axes, biases, share, slack if ties else None, motion, exact)
 
     def expected(self, heard: Heard, agent: int, which: Rows | None = None) -> Expected:
         """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`."""
@@ -146,13 +153,19 @@ class Branches:
             column = self.biases + (np.full(len(mean), agent) if which is None else which)
             bias = mean[rows, :, column]
         length = np.maximum(distance + gain * (ranges - bias - distance), np.sqrt(least))
+        around = variance + noise
         if self.biases is not None:
+            shared = np.add.reduce(row * self.covariance[rows, :, column], axis=2) / distance
+            around = around + shared + self.covariance[rows, :, column, column]
             row[rows, :, column] = 2.0 * length
             square = square + 2.0 * length * bias + bias * bias + self.covariance[rows, :, column, column]
             spread = np.maximum(np.add.reduce(row * matvec(self.covariance, row), axis=2), 0.0)
         excess = ranges * ranges - square - (1.0 - 4.0 * gain) * noise
         total = spread + (4.0 * length * length + 2.0 * noise) * noise
-        return Expected(row, distance + bias, variance, excess, total, 2.0 * length)
+        unit, known = 2.0 * length, distance + bias
+        if not self.exact:
+            return Expected(row, known, variance, excess, total, unit, excess / unit, total / unit**2)
+        return Expected(row, known, variance, excess, total, unit, ranges - known, around)
 
     def after(self, heard: Heard, agent: int, outliers: tuple[float, float] | None, many: int = MOST) -> Branches:
         """With the range of an agent, right or wrong; so many stay."""
@@ -255,6 +268,7 @@ def likelihoods(
     variance, innovation = told.total / told.unit**2, told.excess / told.unit
     right = -0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance))
     long = mean if outliers is not None else mean * np.sqrt(noise)
+    innovation, variance = told.beyond, told.around
     if untold is not None:
         wrong = _wrong(innovation, variance, long, told=outliers is not None)
         chance = untold if outliers is None else np.full_like(untold, share)

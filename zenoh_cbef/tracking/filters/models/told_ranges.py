@@ -21,7 +21,7 @@ from zenoh_cbef.tracking.filters.models.own_range import about_target, said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
 from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
 from zenoh_cbef.tracking.filters.models.tying import tied
-from zenoh_cbef.tracking.filters.rows import Rows
+from zenoh_cbef.tracking.filters.rows import Rows, picked
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import matvec
 from zenoh_cbef.tracking.motion import Motion, beside_constants, linear
@@ -53,9 +53,9 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity; 0: there are none. anywhere: where the target may be if the guesses are
     wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges bend, of which
-    several stay then (splitting.py); 0: none. least: ranges below it, m, are none. ties: see tying.py. agrees: whether
-    agents agree on the mean of their guesses before they predict it: a motion that is not linear leaves each of them
-    another covariance otherwise.
+    several stay then (splitting.py); 0: none. least: ranges below it, m, are none. ties: see tying.py. exact: see
+    branching.py. agrees: whether agents agree on the mean of their guesses before they predict it: a motion that is not
+    linear leaves each of them another covariance otherwise.
     """
 
     motions: tuple[Motion, ...]
@@ -72,6 +72,7 @@ class ToldRanges:
     splits: int = 0
     least: float = -np.inf
     ties: bool = False
+    exact: bool = False
     agrees: bool = False
 
     @classmethod
@@ -98,6 +99,7 @@ class ToldRanges:
             splits=settings.splits,
             least=settings.least,
             ties=settings.ties,
+            exact=settings.exact,
             agrees=settings.agrees,
         )
 
@@ -141,7 +143,7 @@ class ToldRanges:
         if self.agrees and begins.any():
             agreed = self._priors(Belief(guess + guessed, spread))[1]
             known = [part for prior in agreed for part in prior]
-            parts = [np.where(_as(begins, old) > 0.0, new, old) for new, old in zip(known, parts, strict=True)]
+            parts = [picked(old, new, begins > 0.0) for new, old in zip(known, parts, strict=True)]
             guessed = np.zeros_like(guessed)
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
@@ -169,7 +171,8 @@ class ToldRanges:
         """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
         known = self.space.axes, self._biases, share(counts) if self.seeks else None, motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
-        before = [Branches.of(split(one, heard, self.splits), *known, ties=self.ties) for one in halves]
+        parts = (split(one, heard, self.splits) for one in halves)
+        before = [Branches.of(one, *known, ties=self.ties, exact=self.exact) for one in parts]
         if self.seeks:
             return self._contest.after(before[0], before[1], self._elsewhere(len(counts)), heard, counts)
         branches = tied(conditioned(before[0], heard, self.outliers, MANY if self.splits else MOST), heard)
@@ -280,7 +283,7 @@ class ToldRanges:
         for motion, (state, covariance, likelihood) in enumerate(priors):
             alone = mixture(state, covariance, likelihood)[:2] if self.splits else (state[:, 0], covariance[:, 0])
             first = self._centred(alone[0])[:, None], alone[1][:, None], np.zeros((len(state), 1))
-            prior = Branches.of(first, self.space.axes, self._biases, share_)
+            prior = Branches.of(first, self.space.axes, self._biases, share_, exact=self.exact)
             one = said_of(prior, heard, own, self.outliers)
             likeliest = likely[:, motion] >= np.maximum.reduce(likely, axis=1)
             said = [said[0].chosen(likeliest, one) if said else one]
@@ -291,8 +294,3 @@ class ToldRanges:
         centred = np.array(state)
         centred[..., : self.space.axes] -= sign * np.array(self.middle)
         return centred
-
-
-def _as(rows: Floats, like: Floats) -> Floats:
-    """Numbers (n,) with as many axes as an array (n, ...)."""
-    return rows.reshape(-1, *(1,) * (like.ndim - 1))
