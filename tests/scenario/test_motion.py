@@ -54,7 +54,8 @@ def test_an_older_log_means_what_it_meant():
 @pytest.mark.parametrize("motion", ["circle", "lemniscate", "waypoints"])
 def test_a_target_that_may_turn_is_followed_by_several_motions(motion):
     sets = (f"target.motion={motion}", "target.waypoints=[[0,0,0],[9,0,0],[9,9,0]]")
-    calm, turn, middle, agile = plan(*sets).models
+    calm, turn, middle, between, agile = plan(*sets).models
+    assert middle.acceleration_std < between.acceleration_std < agile.acceleration_std
     assert isinstance(turn, MOTIONS["turn"])
     assert calm.acceleration_std == turn.acceleration_std < 0.1 * middle.acceleration_std < agile.acceleration_std
     assert plan(*sets).calm_motion == calm
@@ -67,7 +68,7 @@ def test_calm_motions_are_five_times_calmer_than_by_older_rules_unless_their_noi
     assert [one.acceleration_std for one in before] == pytest.approx([0.1, 0.1, 5.0, 100.0])
     assert now[2:] == before[2:]
     told = plan(*CIRCLE, "filter.motion=imm", "filter.acceleration_std=0.1").models
-    assert [one.acceleration_std for one in told] == pytest.approx([0.1, 0.1, 5.0, 100.0])
+    assert [one.acceleration_std for one in told] == pytest.approx([0.1, 0.1, 5.0, 500.0**0.5, 100.0])
 
 
 @pytest.mark.parametrize(

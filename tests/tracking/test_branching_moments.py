@@ -149,9 +149,10 @@ def test_a_range_is_right_or_wrong_with_probabilities_that_are_one_together(outl
     step = grid[1] - grid[0]
     state = np.array([[3.0, 4, 0, 0, 0, 0]])
     told = branches_of(state, np.diag(SPREADS**2), 3).expected(heard(np.zeros((1, 3)), [[5.0]]), 0)
-    for name in ("excess", "total", "unit"):
+    for name in ("excess", "total", "unit", "beyond", "around"):
         object.__setattr__(told, name, getattr(told, name).repeat(len(grid), axis=1))
     object.__setattr__(told, "excess", grid[None] * told.unit)
+    object.__setattr__(told, "beyond", grid[None])
     right, wrong = (np.exp(one[0]) for one in likelihoods(told, np.array([[STD**2]]), outliers))
     assert right.sum() * step == pytest.approx(1.0 - share)
     variance = (right * grid**2).sum() / right.sum()

@@ -13,6 +13,7 @@ from zenoh_cbef.tracking.linalg import (
     neighbour_sum,
     outer,
     pack_upper,
+    sound_rows,
     unpack_upper,
 )
 
@@ -51,6 +52,12 @@ def test_a_matrix_without_an_inverse_leaves_the_others_of_a_batch_as_they_are(od
     found = inverse(matrices)
     assert np.isnan(found).any(axis=(1, 2)).tolist() == [False, True, False]
     assert found[::2].tobytes() == inverse(matrices[::2]).tobytes()
+
+
+@pytest.mark.parametrize("odd", [np.inf, np.nan, 1e308])
+def test_a_matrix_without_eigenvalues_is_unsound_and_the_others_of_a_batch_are_not(odd):
+    matrices = np.stack([np.eye(6), np.full((6, 6), odd), 2.0 * np.eye(6), -np.eye(6)])
+    np.testing.assert_array_equal(sound_rows(matrices), [True, False, True, False])
 
 
 @pytest.mark.parametrize("size", [4, 6])

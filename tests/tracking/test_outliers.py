@@ -88,7 +88,7 @@ def test_where_the_scenario_asks_for_saturation_ranges_saturate(key):
 
 
 def test_a_turn_among_outliers_is_no_silence():
-    turns = "target.motion=circle", "sensor.outlier_probability=0.3"
+    turns = "target.motion=circle", "sensor.outlier_probability=0.3", "agents.count=13"
     settings = [Plan(load("tracking", [*turns, more]).scenario).settings for more in ("dt=0.1", "filter.defaults=15")]
     assert all(one.models and not one.tells_ranges for one in settings)
     assert [one.bends for one in settings] == [False, True]

@@ -97,7 +97,8 @@ class Filtering(Meant):
         """Whether agents tell each other their ranges, of which each takes in all."""
         assumed = self.scenario, self.range_std, self.space.axes
         motions = assumed_models(*assumed) if self._switches else (assumed_motion(*assumed, leaps=self._may_leap),)
-        return telling.tells_ranges(self.scenario, motions, self.range_std, self.settling_steps)
+        leaps = self._may_leap
+        return telling.tells_ranges(self.scenario, motions, self.range_std, self.settling_steps, leaps=leaps)
 
     @property
     def seeks(self) -> bool:
@@ -185,7 +186,7 @@ class Filtering(Meant):
             seeks=self.seeks,
             splits=self.splits,
             ties=self._may_leap,
-            exact=chosen.defaults > 16,
+            exact=chosen.defaults > 16 and bool(self.models),
             agrees=chosen.defaults > 15,
             fits=chosen.defaults > 15 and self.squares and self._leaps,
             plane=self.plane,

@@ -15,12 +15,15 @@ from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.motion import Motion, NearlyConstantVelocity
 
 
-def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int) -> bool:
+def tells_ranges(
+    scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int, *, leaps: bool = False
+) -> bool:
     """Whether agents tell each other their ranges: where a first fix would fail, or may, and they are few.
 
-    A target that switches between motions is followed without, if there are enough ranges in a step; there may be too
-    few where agents are away, or cut off from others.
-    motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix.
+    Or where the target switches between motions: which ranges are wrong, and which motion is right, all ranges of a
+    step tell together. By earlier rules only if a step may have too few, as agents are away, or cut off from others.
+    motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix. leaps: whether
+    one motion that leaps would do.
     """
     agile = motions[-1]
     if len(motions) > 1 and tells_biased(scenario, agile.axes):
@@ -29,6 +32,8 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     fewest = agile.axes - (several and scenario.filter.defaults > 15)
     if not _may(scenario, fewest + (not several), several=several):
         return False
+    if several and not leaps and _tells_turns(scenario):
+        return True
     if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
         return True
     if leaves_curves(scenario, motions, range_std):
@@ -36,6 +41,11 @@ def tells_ranges(scenario: Scenario, motions: Sequence[Motion], range_std: float
     heard = scenario.count * (1.0 - scenario.sensor.dropout_probability)
     needs = len(motions) == 1 or heard < agile.axes + 1 or (several and network.parts(scenario))
     return needs and _strays(scenario, agile, range_std, settling)
+
+
+def _tells_turns(scenario: Scenario) -> bool:
+    """Whether agents tell each other their ranges of any target that switches between motions, and find it by these."""
+    return scenario.filter.defaults > 16 and scenario.filter.start != "given" and _comes(scenario)
 
 
 def tells_biased(scenario: Scenario, axes: int) -> bool:

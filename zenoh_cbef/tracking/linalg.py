@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -30,16 +31,21 @@ def inverse(matrices: Floats) -> Floats:
 
     A tracker finds an agent's NaN and refuses its update; an error would end the others of a batch, too.
     """
-    try:
-        inverted = np.linalg.inv(matrices)
-    except np.linalg.LinAlgError:
-        inverted = np.full_like(matrices, np.nan)
-        for place, matrix in enumerate(matrices):
-            with suppress(np.linalg.LinAlgError):
-                inverted[place] = np.linalg.inv(matrix)
+    inverted = _each(np.linalg.inv, matrices, np.full_like(matrices, np.nan))
     doubled = inverted + inverted.swapaxes(-1, -2)
     doubled *= 0.5
     return np.asarray(doubled)
+
+
+def _each(compute: Callable[[Floats], Floats], matrices: Floats, failed: Floats) -> Floats:
+    """What LAPACK computes of matrices (n, s, s); of one of which it cannot, a row of another array."""
+    try:
+        return compute(matrices)
+    except np.linalg.LinAlgError:
+        for place, matrix in enumerate(matrices):
+            with suppress(np.linalg.LinAlgError):
+                failed[place] = compute(matrix)
+        return failed
 
 
 @dataclass(frozen=True)
@@ -72,7 +78,7 @@ BY_LIBRARY = Inversion()
 
 def sound_rows(matrices: Floats) -> Bools:
     """Which of symmetric matrices (n, s, s) pass for information matrices: (n,)."""
-    eigenvalues = np.linalg.eigvalsh(matrices)
+    eigenvalues = _each(np.linalg.eigvalsh, matrices, np.full(matrices.shape[:2], np.nan))
     return np.asarray(eigenvalues[:, 0] > LEAST * eigenvalues[:, -1])
 
 
