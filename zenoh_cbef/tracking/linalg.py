@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +38,10 @@ def inverse(matrices: Floats) -> Floats:
     return np.asarray(doubled)
 
 
-def _each(compute: Callable[[Floats], Floats], matrices: Floats, failed: Floats) -> Floats:
+def _each(compute: Callable[..., Any], matrices: Floats, failed: Floats) -> Floats:
     """What LAPACK computes of matrices (n, s, s); of one of which it cannot, a row of another array."""
     try:
-        return compute(matrices)
+        return np.asarray(compute(matrices))
     except np.linalg.LinAlgError:
         for place, matrix in enumerate(matrices):
             with suppress(np.linalg.LinAlgError):
