@@ -114,6 +114,21 @@ def test_how_likely_a_wrong_range_is_does_not_depend_on_how_its_square_is_linear
     assert densities[True] == pytest.approx(2.0 * np.log(longer), abs=0.01)
 
 
+def test_a_wrong_range_is_as_sure_as_the_distance_and_the_bias_together():
+    random = np.random.default_rng(8)
+    root = random.normal(size=(12, 12)) * np.repeat([0.3, 1.0, 0.5], [3, 3, 6])[:, None]
+    state, covariance = random.normal(size=12), root @ root.T
+    known = state[None, None], covariance[None, None], np.zeros((1, 1))
+    told = Branches.of(known, 3, 6, exact=True).expected(heard_of(state[None, :3], np.zeros((1, 6))), 2)
+    row = np.zeros(12)
+    row[8] = 1.0
+    length = told.distance[0, 0] - state[8]
+    row[:3] = (state[:3] - PLACES[2]) / length
+    # e has about its regression on the place what a Gaussian leaves open of a square.
+    slack = np.sum(covariance[:3, :3] ** 2) / (2.0 * length**2)
+    assert told.around[0, 0] == pytest.approx(row @ covariance @ row + slack + STD**2)
+
+
 def test_a_row_is_the_same_in_every_batch():
     random = np.random.default_rng(7)
     truth, prior = far(7, random)

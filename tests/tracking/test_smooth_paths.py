@@ -24,9 +24,8 @@ def ratios(kind: str, acceleration_std: float) -> tuple[float, float]:
         rest = np.eye(size) - gain @ row
         claimed = rest @ ahead @ rest.T + gain @ noise @ gain.T
         erring = rest @ errs @ rest.T + gain @ noise @ gain.T
-    return float(np.trace(np.linalg.solve(ahead, errs))) / size, float(
-        np.trace(np.linalg.solve(claimed, erring))
-    ) / size
+    before, after = (np.trace(np.linalg.solve(*one)) / size for one in ((ahead, errs), (claimed, erring)))
+    return float(before), float(after)
 
 
 @pytest.mark.parametrize("acceleration_std", [0.1, 3.0, 100.0])

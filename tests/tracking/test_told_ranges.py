@@ -115,6 +115,7 @@ def test_biases_are_estimated_beside_several_motions_by_agents_that_tell_their_r
         (["consensus.precision=int16"], False),
         (["filter.range_std=0.2"], False),
         (["filter.start=given"], False),
+        (["timing.mode=realtime"], False),
         (["dt=0.3", "target.motion=lemniscate", "target.radius=3", "target.period=2"], False),
     ],
     ids=lambda one: " ".join(one) if isinstance(one, list) else None,

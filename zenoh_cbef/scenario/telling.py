@@ -16,7 +16,7 @@ from zenoh_cbef.tracking.motion import Motion, NearlyConstantVelocity
 
 
 def tells_ranges(
-    scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int, *, leaps: bool = False
+    scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int, *, leaps: bool
 ) -> bool:
     """Whether agents tell each other their ranges: where a first fix would fail, or may, and they are few.
 
@@ -44,8 +44,12 @@ def tells_ranges(
 
 
 def _tells_turns(scenario: Scenario) -> bool:
-    """Whether agents tell each other their ranges of any target that switches between motions, and find it by these."""
-    return scenario.filter.defaults > 16 and scenario.filter.start != "given" and _comes(scenario)
+    """Whether agents tell each other their ranges of any target that switches between motions, and find it by these.
+
+    Not in real time: all agents of a host need its CPU at once, between two rounds, and several times as much of it.
+    """
+    in_time = scenario.timing.mode == "lockstep"
+    return scenario.filter.defaults > 16 and in_time and scenario.filter.start != "given" and _comes(scenario)
 
 
 def tells_biased(scenario: Scenario, axes: int) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,14 +37,14 @@ def inverse(matrices: Floats) -> Floats:
     return np.asarray(doubled)
 
 
-def _each(compute: Callable[..., Any], matrices: Floats, failed: Floats) -> Floats:
+def _each(compute: Callable[[Floats], NDArray[np.generic]], matrices: Floats, failed: Floats) -> Floats:
     """What LAPACK computes of matrices (n, s, s); of one of which it cannot, a row of another array."""
     try:
-        return np.asarray(compute(matrices))
+        return np.asarray(compute(matrices), dtype=np.float64)
     except np.linalg.LinAlgError:
         for place, matrix in enumerate(matrices):
             with suppress(np.linalg.LinAlgError):
-                failed[place] = compute(matrix)
+                failed[place] = np.asarray(compute(matrix), dtype=np.float64)
         return failed
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.rows import picked
 from zenoh_cbef.tracking.linalg import inverse, matvec, neighbour_sum
 from zenoh_cbef.tracking.ranging import Space
 
@@ -49,13 +50,9 @@ def _begins_with(state: Floats, longer: Floats) -> Floats:
 
 def merged(old: Update, new: Update, rows: Bools) -> Update:
     """An update with some rows (n,) taken from another one."""
-
-    def pick(first: Floats, second: Floats) -> Floats:
-        return np.where(rows.reshape(-1, *(1,) * (first.ndim - 1)), second, first)
-
     return Update(
-        pick(old.payload, new.payload),
+        picked(old.payload, new.payload, rows),
         old.diagnostics.chosen(rows, new.diagnostics),
-        kept=tuple(pick(*pair) for pair in zip(old.kept, new.kept, strict=True)),
+        kept=tuple(picked(*pair, rows) for pair in zip(old.kept, new.kept, strict=True)),
         parts=tuple(merged(*pair, rows) for pair in zip(old.parts, new.parts, strict=True)),
     )

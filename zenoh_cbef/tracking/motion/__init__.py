@@ -19,7 +19,7 @@ from zenoh_cbef.tracking.motion.ncv import NearlyConstantVelocity
 from zenoh_cbef.tracking.motion.predicted import Predicted
 from zenoh_cbef.tracking.motion.stationary import Stationary
 from zenoh_cbef.tracking.motion.turn import CoordinatedTurn
-from zenoh_cbef.tracking.motion.turning import turned
+from zenoh_cbef.tracking.motion.turning import turned, turns
 
 __all__ = [
     "MOTIONS",
@@ -38,6 +38,7 @@ __all__ = [
     "make_motion",
     "moving_of",
     "turned",
+    "turns",
 ]
 
 MOTIONS: dict[str, type[NamedMotion]] = {

@@ -15,6 +15,12 @@ _KNOWN = 0.5
 _Gaussian = tuple[Floats, Floats]
 
 
+def turns(motion: Motion) -> bool:
+    """Whether ranges turn the velocity of such a target."""
+    moving = moving_of(motion)
+    return isinstance(moving, CoordinatedTurn) and moving.keeps_speed
+
+
 def turned(motion: Motion, before: _Gaussian, after: _Gaussian) -> _Gaussian:
     """State (..., s) and covariance (..., s, s) after ranges, of which what moved the velocity aside turns it.
 
@@ -29,8 +35,7 @@ def turned(motion: Motion, before: _Gaussian, after: _Gaussian) -> _Gaussian:
     before, after: what was believed without the ranges, and with them. A motion that does not turn, or does so by older
     rules, keeps the latter, and so does a target of which the heading is not known beforehand.
     """
-    motion = moving_of(motion)
-    if not (isinstance(motion, CoordinatedTurn) and motion.keeps_speed):
+    if not turns(motion):
         return after
     (state, covariance), (moved, spread) = before, after
     x, y = motion.axes, motion.axes + 1

@@ -47,8 +47,8 @@ class Expected:
 
     row: (n, k, d), the squared range's derivative. distance, m, and its variance, m^2, without the noise. excess: the
     squared range over what is expected, m^2. total: the variance of that, m^4. unit: 2 l, m, by which it is divided to
-    be an innovation of the range. beyond: m, by how much the range is longer, if it is
-    wrong, and around: m^2, the variance of that.
+    be an innovation of the range. beyond: m, by how much the range is longer if it is wrong, and around: m^2, the
+    variance of that.
     """
 
     row: Floats

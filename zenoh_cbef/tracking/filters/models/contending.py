@@ -11,6 +11,7 @@ from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, Heard, 
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors
 from zenoh_cbef.tracking.filters.models.splitting import NEAR, STAY
 from zenoh_cbef.tracking.filters.models.tying import tied
+from zenoh_cbef.tracking.filters.rows import picked
 
 _BEGUN = 0.2, 10.0
 """As if of ten ranges a fiftieth had been wrong before the first one."""
@@ -100,8 +101,7 @@ class Contest:
         """What rises is what holds from now on, where it is likelier; what held may be forgotten then."""
         found = []
         for held, risen in zip(holds[:2], rises[:2], strict=True):
-            rows = over.reshape(-1, *(1,) * (held.ndim - 1))
-            found.append(np.concatenate([np.where(rows, risen, held), risen], axis=1))
+            found.append(np.concatenate([picked(held, risen, over), risen], axis=1))
         likelihood = np.where(over[:, None], rises[2], holds[2])
         later = np.where(over[:, None], NEVER, rises[2])
         return found[0], found[1], np.concatenate([likelihood, later], axis=1), counts

@@ -6,6 +6,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.models.abreast import abreast
 from zenoh_cbef.tracking.filters.models.branching import Branches, Heard
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, total
 from zenoh_cbef.tracking.linalg import matvec, outer
@@ -31,7 +32,8 @@ def begun_with(switching: Switching, belief: Belief) -> tuple[Floats, list[Prior
     """Probabilities of the next step, and the hypotheses with which each motion begins it: of all motions before."""
     kept = [(one.memory[0], one.memory[1], one.memory[2]) for one in belief.parts]
     ahead, apart = switching.apart(belief.known_chance, kept)
-    return ahead, [distinct(one, STAY, NEAR) for one in apart]
+    found = abreast(switching.motions, apart, lambda _, rows: distinct((rows[0], rows[1], rows[2]), STAY, NEAR))
+    return ahead, [(one[0], one[1], one[2]) for one in found]
 
 
 def staying(branches: Branches) -> Priors:

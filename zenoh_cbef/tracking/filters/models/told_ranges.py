@@ -13,6 +13,7 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged, variance_of
+from zenoh_cbef.tracking.filters.models.abreast import Arrays, abreast
 from zenoh_cbef.tracking.filters.models.beginning import Beginning
 from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
@@ -148,12 +149,13 @@ class ToldRanges:
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
-        found, misfits, stays = [], [], []
-        for motion, state, covariance, likely in zip(self.motions, parts[::3], parts[1::3], parts[2::3], strict=True):
+        each = []
+        for state, covariance, likely in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            branches, later = self._after(motion, (centred, covariance, likely), heard, counts)
-            after, spread, likelihood = branches.merged()
+            each.append((centred, covariance, likely, counts, *vars(heard).values()))
+        found, misfits, stays = [], [], []
+        for after, spread, likelihood, *later in abreast(self.motions, each, self._after):
             found.append((self._centred(after, -1.0), spread))
             misfits.append(-2.0 * likelihood)
             stays.append((self._centred(later[0], -1.0), *later[1:]) if later else ())
@@ -165,20 +167,21 @@ class ToldRanges:
         claimed = about_target(*self.switching.claimed(chance, found), self._begin, which)
         return replace(claimed, chance=chance, parts=parts_of)
 
-    def _after(
-        self, motion: Motion, prior: Priors, heard: Heard, counts: Floats
-    ) -> tuple[Branches, tuple[Floats, ...]]:
-        """All branches, and what the next step begins with: of one motion, or of one that keeps several hypotheses."""
+    def _after(self, motion: Motion, rows: Arrays) -> Arrays:
+        """State, covariance and likelihood after the ranges, and what the next step begins with, if hypotheses stay."""
+        state, covariance, likely, counts, *told = rows
+        prior, heard = (state, covariance, likely), Heard(*told)
         known = self.space.axes, self._biases, share(counts) if self.seeks else None, motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
         parts = (split(one, heard, self.splits) for one in halves)
         before = [Branches.of(one, *known, ties=self.ties, exact=self.exact) for one in parts]
         if self.seeks:
-            return self._contest.after(before[0], before[1], self._elsewhere(len(counts)), heard, counts)
-        branches = tied(conditioned(before[0], heard, self.outliers, MANY if self.splits else MOST), heard)
-        if self.splits:
-            return branches, staying(branches)
-        return branches, branches.distinct() if len(self.motions) == 1 else ()
+            whole, stay = self._contest.after(before[0], before[1], self._elsewhere(len(counts)), heard, counts)
+            return *whole.merged(), *stay
+        whole = tied(conditioned(before[0], heard, self.outliers, MANY if self.splits else MOST), heard)
+        if not self.splits and len(self.motions) > 1:
+            return whole.merged()
+        return *whole.merged(), *(staying(whole) if self.splits else whole.distinct())
 
     def resumed(self, belief: Belief) -> Belief:
         """A belief of another filter, as this one carries it from step to step: it is no guess."""
