@@ -149,7 +149,7 @@ class Simulation:
         told &= ~np.tile(self.absences.at(step - 1), self._runs)[index]
         known, covariance = self._estimate.state[index], self._estimate.covariance
         covariance = None if covariance is None else covariance[index]
-        belief = belief_from(self.tracker.space, known, covariance, told, self._initial)
+        belief = belief_from(self.tracker.space, known, covariance, told, self.plan.guessed_at(self._initial, step - 1))
         self.tracker.adopt(belief, np.tile(self.absences.reborn(step), self._runs))
 
     @np.errstate(all="ignore")  # liars' messages can make a tracker overflow, which looks at its results

@@ -13,6 +13,7 @@ from zenoh_cbef.tracking.linalg import (
     neighbour_sum,
     outer,
     pack_upper,
+    solve,
     sound_rows,
     unpack_upper,
 )
@@ -52,6 +53,14 @@ def test_a_matrix_without_an_inverse_leaves_the_others_of_a_batch_as_they_are(od
     found = inverse(matrices)
     assert np.isnan(found).any(axis=(1, 2)).tolist() == [False, True, False]
     assert found[::2].tobytes() == inverse(matrices[::2]).tobytes()
+
+
+def test_equations_without_a_solution_leave_the_others_of_a_batch_as_they_are():
+    matrices, right = covariances(3, 6), RANDOM.normal(size=(3, 6, 2))
+    matrices[1] = 0.0
+    found = solve(matrices, right)
+    assert np.isnan(found[1]).all()
+    np.testing.assert_array_equal(found[::2], np.linalg.solve(matrices[::2], right[::2]))
 
 
 @pytest.mark.parametrize("odd", [np.inf, np.nan, 1e308])

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from zenoh_cbef.scenario.load import parse
+from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
+from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.consensus import Average
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
@@ -85,3 +86,27 @@ def test_some_rows_begin_anew_and_the_others_go_on():
     assert mixed[~rows].tobytes() == payload(former)[~rows].tobytes()
     assert mixed[rows].tobytes() == payload(elsewhere)[rows].tobytes()
     assert (payload(former)[rows] != payload(elsewhere)[rows]).any()
+
+
+def test_a_guess_is_worth_what_motion_leaves_of_it():
+    plan = Plan(parse({"target": {"motion": "circle"}, "timing": {"mode": "realtime"}}, "a scenario"))
+    guess, later = plan.initial_belief, plan.guessed_at(plan.initial_belief, 30)
+    step = plan.motion.jacobian(guess.state)
+    powers = [np.linalg.matrix_power(step, number) for number in range(31)]
+    expected = powers[30] @ guess.known_covariance @ powers[30].T
+    expected = expected + sum(one @ plan.motion.process_noise @ one.T for one in powers[:30])
+    np.testing.assert_allclose(later.state, guess.state @ powers[30].T, rtol=1e-9)
+    np.testing.assert_allclose(later.known_covariance, expected, rtol=1e-9)
+    np.testing.assert_array_equal(plan.guessed_at(guess, 0).state, guess.state)
+    before = Plan(parse({"filter": {"defaults": 17}}, "a scenario"))
+    np.testing.assert_array_equal(before.guessed_at(guess, 30).known_covariance, guess.known_covariance)
+
+
+def test_agents_that_come_back_together_do_not_take_their_guess_for_a_place():
+    away = 'fault=[{kind="crash",agents=[0,1,2],from=2.0,until=4.0}]'
+    circle = "target.motion=circle", "target.radius=5", "target.period=8", away, "steps=55", "seed=1001"
+    # The only neighbour of agent 1 comes back with it.
+    for rules in (17, 18):
+        (trace,) = simulate([load("tracking", [*circle, f"filter.defaults={rules}"]).scenario])
+        off = np.linalg.norm((trace.estimates - trace.truth)[1, 41:, :3], axis=1)
+        assert (rules == 18) == (off.max() < 1.0)

@@ -149,7 +149,7 @@ def test_drawn_biases_do_not_lose_a_target_that_turns_corners():
 @pytest.mark.slow
 @pytest.mark.parametrize("wrong", [("sensor.bias=0.5",), (DRAWN, *OUTLIERS[1:])], ids=["alike", "outliers"])
 def test_biases_and_turns_are_told_apart(wrong):
-    keys = "target.motion=circle", "target.radius=5", "target.period=8", "steps=200", *wrong
+    keys = "target.motion=circle", "target.radius=5", "target.period=8", "steps=130", *wrong
     before, now = (errors_of(*keys, rules=rules)[0][:, :, 75:] for rules in (16, 17))
     assert np.sqrt(np.mean(now**2)) < 0.7 * np.sqrt(np.mean(before**2))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
-from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust
+from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust, weighing
 from zenoh_cbef.scenario.alike import Meant, alike
 from zenoh_cbef.scenario.motion import assumed_models, assumed_motion, doubted_noises, leaving, plain_motion, switches
 from zenoh_cbef.tracking.copying import replace
@@ -158,12 +158,13 @@ class Filtering(Meant):
     @alike
     def power(self) -> int:
         """The power of the saturation."""
-        return trust.saturation_power(self.scenario, biased=self.bias != "none", fixed=self.first_fix_steps > 0)
+        fixed, several = self.first_fix_steps > 0, bool(self.models)
+        return weighing.saturation_power(self.scenario, biased=self.bias != "none", fixed=fixed, several=several)
 
     @alike
     def xi(self) -> float:
         """The saturation level, in the units of the filter's kind."""
-        return trust.saturation_level(self.scenario, self.power)
+        return weighing.saturation_level(self.scenario, self.power)
 
     @alike
     def settings(self) -> FilterSettings:
@@ -197,7 +198,7 @@ class Filtering(Meant):
             omega=chosen.omega,
             differenced=chosen.measurement == "difference",
             power=self.power,
-            widens=trust.widens(scenario, power=self.power, wide=bool(self.models) or self.squares),
+            widens=weighing.widens(scenario, power=self.power, wide=bool(self.models) or self.squares),
             least=0.0 if chosen.defaults > 14 else -np.inf,
             options=chosen.options or {},
             inversion=BY_ELIMINATION if chosen.defaults > 14 else BY_LIBRARY,
@@ -230,7 +231,7 @@ class Filtering(Meant):
             wrong_share=scenario.sensor.outlier_probability if chosen.defaults > 15 else 0.0,
             recorded=trust.lasts(scenario) and chosen.defaults > 11,
             outliers=start.outliers(scenario),
-            weighed=trust.weighed_outliers(scenario),
+            weighed=weighing.weighed_errors(scenario, self.range_std, several=bool(self.models)),
         )
 
     def _finding(self, settings: FilterSettings) -> FilterSettings:
@@ -254,7 +255,7 @@ class Filtering(Meant):
             drifts=network.parts(scenario) or not (chosen.defaults > 15 and self.models and self.splits),
             awaits=chosen.defaults > 15 and not trust.real(scenario),
             # At turns among told outliers an estimate is unsure for some steps, though no range is missing.
-            bends=chosen.defaults > 7 and not (tells or (self.models and trust.weighed_outliers(scenario))),
+            bends=chosen.defaults > 7 and not (tells or (self.models and settings.weighed)),
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),
             rejoins=chosen.defaults > 13,

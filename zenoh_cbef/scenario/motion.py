@@ -88,10 +88,9 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
     middle, agile = (one / _CALM * calm for one in (_INDEX, _AGILE))
     if chosen.acceleration_std is None and chosen.defaults > 14:
         agile = max(agile, turning_round(scenario))
-    fastest = reversing(scenario) if chosen.acceleration_std is None else 0.0
-    sudden = [(chosen.agile, fastest)] if fastest > _SUDDEN * agile else []
-    if sudden and not told:
-        agile, sudden = fastest, []
+    sudden = [(chosen.agile, reversing(scenario))] if turns_suddenly(scenario, range_std) else []
+    if not told and (sudden or (chosen.acceleration_std is None and chosen.defaults > 17)):
+        agile, sudden = max(agile, reversing(scenario)), []
     if chosen.acceleration_std is None and chosen.defaults > 13:
         calm = _noise(scenario, range_std, _CALMEST)
     between = [("ncv", (middle * agile) ** 0.5)] if told and chosen.defaults > 12 else []
@@ -163,6 +162,19 @@ def reversing(scenario: Scenario) -> float:
     0 by the fifteenth rules.
     """
     return _ROUND * start.reach(scenario) / scenario.dt**2 if scenario.filter.defaults > 15 else 0.0
+
+
+def turns_suddenly(scenario: Scenario, range_std: float) -> bool:
+    """Whether a target may turn round by far more than step and ranges, of range_std (m), make an agile motion."""
+    agile = max(_noise(scenario, range_std, _AGILE), turning_round(scenario))
+    return scenario.filter.acceleration_std is None and reversing(scenario) > _SUDDEN * agile
+
+
+def turns_in_a_step(scenario: Scenario, range_std: float) -> bool:
+    """Whether the target may turn round in a step, as steps are long, or ranges are precise."""
+    given = scenario.filter.acceleration_std
+    agile = _noise(scenario, range_std, _AGILE) if given is None else given * _AGILE / _CALM
+    return agile <= turning_round(scenario) or turns_suddenly(scenario, range_std)
 
 
 def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings:

@@ -16,6 +16,7 @@ from zenoh_cbef.scenario.plausible import Plausible, plausible_ranges
 from zenoh_cbef.scenario.scheme import chosen_scheme
 from zenoh_cbef.tracking import graph
 from zenoh_cbef.tracking.compact import Compact
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import Filter, make_filter, payloads_of, sharing_of
 from zenoh_cbef.tracking.filters.base import Belief, Sharing
 from zenoh_cbef.tracking.motion import LinearMotion, begun
@@ -161,3 +162,14 @@ class Plan(Filtering):
         """The initial belief about states (r, 6)."""
         wide = np.repeat(self.initial_covariance[None], len(states), axis=0)
         return Belief(*begun(self.motion, states[:, self.space.kept], wide))
+
+    def guessed_at(self, guess: Belief, steps: int) -> Belief:
+        """What an agent still knows of its guess so many steps later, if it has nothing else: what motion leaves of it.
+
+        By rules of before, as if the target had not moved.
+        """
+        state, covariance = guess.state, guess.known_covariance
+        for _ in range(steps * (self.scenario.filter.defaults > 17)):
+            covariance = self.motion.predict_covariance(covariance, state)
+            state = self.motion.predict_state(state)
+        return replace(guess, state=state, covariance=covariance)

@@ -8,13 +8,6 @@ from zenoh_cbef.faults import Fault, SenderFault, SensorBias, SensorDropout, Sen
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.filters.models import joint_biases
-from zenoh_cbef.tracking.outliers import Outliers
-
-_XI = {1: 1.5, 2: 2.0}
-"""Saturation level by the saturation's power, in standard deviations.
-
-At 2 a redescending weight costs no more on Gaussian ranges than a bounded one at 1.5: a hundredth of the error.
-"""
 
 _SHOWS = 6.0
 """How large a bias is, in noises, that each range shows: all but a fiftieth of them are beyond what is taken for right.
@@ -194,57 +187,6 @@ def scale_std(scenario: Scenario) -> float:
     return _SCALE_STD if scenario.target.motion == "dataset" and scenario.filter.defaults > 13 else 0.0
 
 
-def saturation_power(scenario: Scenario, *, biased: bool, fixed: bool) -> int:
-    """The power of the saturation: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
-
-    Auto: 2 where ranges have outliers, by the fifteenth rules also spikes, or may have them untold. These are real
-    ones, by the first rules (filter.defaults) only if biases are estimated or weighed (biased) and the noise is given:
-    at a level of 1.5, good ranges looked alike otherwise. By today's they are also those of a network that begins with
-    a first fix (fixed) and whose target moves as its filter assumes: from a wrong place, or after a turn, good ranges
-    look alike, too.
-    """
-    chosen = scenario.filter
-    if chosen.saturation != "auto":
-        return 2 if chosen.saturation == "redescending" else 1
-    trusted = rules(scenario) == 1 and not (biased and chosen.range_std != "auto")
-    if real(scenario):
-        untold = not trusted
-    else:
-        untold = fixed and chosen.defaults > 2 and scenario.target.motion == "ncv" and chosen.motion == "auto"
-    told = scenario.sensor.outlier_probability > 0.0 or (chosen.defaults > 14 and _has(scenario, SensorSpikes))
-    return 2 if told or untold else 1
-
-
-def weighed_outliers(scenario: Scenario) -> Outliers | None:
-    """The outliers of emulated receivers of which the scenario tells, where agents weigh ranges by their distribution.
-
-    They saturate ranges where the scenario asks for that, or tells nothing of what is wrong.
-    """
-    chosen, sensor = scenario.filter, scenario.sensor
-    left_open = (chosen.xi, chosen.saturation) == ("auto", "auto") and abilities_of(chosen.kind).outliers
-    told = sensor.outlier_probability > 0.0 and not real(scenario)
-    if chosen.defaults < 16 or not (left_open and told):
-        return None
-    return Outliers(sensor.outlier_probability, sensor.outlier_scale)
-
-
-def widens(scenario: Scenario, *, power: int, wide: bool) -> bool:
-    """Whether a range far off widens its whole innovation, not its noise alone: where the saturation redescends.
-
-    And where priors may be wide against the noise: of several motions one is agile, squares are for wide priors (wide),
-    and of real targets little is known. Elsewhere it is the same but for a thousandth of the error, which it costs.
-    """
-    return scenario.filter.defaults > 6 and power > 1 and (wide or real(scenario))
-
-
-def saturation_level(scenario: Scenario, power: int) -> float:
-    """At how many standard deviations ranges saturate; for kinds that saturate otherwise see filter.xi."""
-    chosen = scenario.filter
-    if chosen.xi != "auto":
-        return chosen.xi
-    return _XI[power if abilities_of(chosen.kind).saturates else 1]
-
-
 def distrusts(scenario: Scenario, *, others: bool) -> bool:
     """Whether agents distrust their own receivers while implausible.
 
@@ -272,7 +214,7 @@ def isolates(scenario: Scenario) -> bool:
 
 
 def _has_liars(scenario: Scenario) -> bool:
-    return _has(scenario, SenderFault)
+    return has(scenario, SenderFault)
 
 
 def errs(scenario: Scenario) -> bool:
@@ -292,8 +234,9 @@ def _lastingly_at_fault(scenario: Scenario) -> bool:
 
 
 def _at_fault(scenario: Scenario) -> bool:
-    return _has(scenario, SensorFault)
+    return has(scenario, SensorFault)
 
 
-def _has(scenario: Scenario, kind: type[Fault]) -> bool:
+def has(scenario: Scenario, kind: type[Fault]) -> bool:
+    """Whether the scenario has a fault of some kind."""
     return any(isinstance(one, kind) for one in scenario.fault)

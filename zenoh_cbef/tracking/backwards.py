@@ -10,7 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.linalg import matvec
+from zenoh_cbef.tracking.linalg import matvec, solve
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.switching import Gaussian, Switching
 
@@ -57,7 +57,7 @@ class Backward:
 
 def _gain(predicted: Floats, cross: Floats) -> Floats:
     """C, from the covariance of the next step (n, s, s) and its covariance with this one."""
-    return np.asarray(np.linalg.solve(predicted, cross).swapaxes(-1, -2), dtype=np.float64)
+    return solve(predicted, cross).swapaxes(-1, -2)
 
 
 def _sandwich(left: Floats, middle: Floats) -> Floats:

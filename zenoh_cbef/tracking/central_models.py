@@ -11,7 +11,7 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.motion import constants_of, turned
-from zenoh_cbef.tracking.outliers import Outliers
+from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.reference import Ranges, Taken, taken_in
 from zenoh_cbef.tracking.switching import Switching, misfit
@@ -30,7 +30,7 @@ class CentralModels:
     xi: float
     power: int = 1
     widens: bool = False
-    outliers: Outliers | None = None
+    outliers: Errors | None = None
 
     def step(self, belief: Belief, seen: Ranges) -> tuple[Belief, Taken]:
         """The belief after one step's ranges, and what the likeliest motion says of them.

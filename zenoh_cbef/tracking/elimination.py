@@ -19,7 +19,7 @@ from typing import Protocol, overload
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.tracking.linalg import Inversion, upper
+from zenoh_cbef.tracking.linalg import Inversion, solve, upper
 
 _LARGEST = 6
 """Rows of the largest matrices that are inverted so. Of a single larger one the library is quicker."""
@@ -59,7 +59,7 @@ class Elimination(Inversion):
 
     def information(self, rows: Floats, noise: Floats, values: Floats) -> tuple[Floats, Floats]:
         """H^T R^-1 y and H^T R^-1 H without R^-1, of which many values have no use."""
-        told = rows.swapaxes(1, 2) @ np.linalg.solve(noise, np.concatenate([rows, values[:, :, None]], axis=2))
+        told = rows.swapaxes(1, 2) @ solve(noise, np.concatenate([rows, values[:, :, None]], axis=2))
         return told[:, :, -1], told[:, :, :-1]
 
 

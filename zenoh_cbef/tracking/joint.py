@@ -17,7 +17,7 @@ from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.finding.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.models.biased_information import forgetting
 from zenoh_cbef.tracking.filters.weighing import saturated_precision, saturation
-from zenoh_cbef.tracking.linalg import matvec
+from zenoh_cbef.tracking.linalg import matvec, solve
 from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, no_neighbours, own_range
 from zenoh_cbef.tracking.reference import Ranges, each_step, stacked
@@ -192,7 +192,7 @@ class _Joint:
         rows = np.where(measured[:, :, None], rows, 0.0)
         cross = covariance @ np.swapaxes(rows, 1, 2)
         total = rows @ cross + noise[:, :, None] * np.eye(agents)
-        gain = np.swapaxes(np.linalg.solve(total, np.swapaxes(cross, 1, 2)), 1, 2)
+        gain = np.swapaxes(solve(total, np.swapaxes(cross, 1, 2)), 1, 2)
         covariance = covariance - gain @ np.swapaxes(cross, 1, 2)
         covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2))
         nis = np.where(measured, (innovation / spread) ** 2, np.nan)

@@ -31,21 +31,32 @@ def inverse(matrices: Floats) -> Floats:
 
     A tracker finds an agent's NaN and refuses its update; an error would end the others of a batch, too.
     """
-    inverted = _each(np.linalg.inv, matrices, np.full_like(matrices, np.nan))
+    inverted = raw_inverse(matrices)
     doubled = inverted + inverted.swapaxes(-1, -2)
     doubled *= 0.5
     return np.asarray(doubled)
 
 
-def _each(compute: Callable[[Floats], NDArray[np.generic]], matrices: Floats, failed: Floats) -> Floats:
-    """What LAPACK computes of matrices (n, s, s); of one of which it cannot, a row of another array."""
+def raw_inverse(matrices: Floats) -> Floats:
+    """The same, not made symmetric."""
+    return _each(np.linalg.inv, matrices.shape, matrices)
+
+
+def solve(matrices: Floats, right: Floats) -> Floats:
+    """A^-1 B of matrices (n, s, s) and (n, s, k), NaN where A is singular."""
+    return _each(np.linalg.solve, right.shape, matrices, right)
+
+
+def _each(compute: Callable[..., NDArray[np.generic]], shape: tuple[int, ...], *given: Floats) -> Floats:
+    """What LAPACK computes, row by row of arrays that are given; a row of which it cannot is NaN."""
     try:
-        return np.asarray(compute(matrices), dtype=np.float64)
+        return np.asarray(compute(*given), dtype=np.float64)
     except np.linalg.LinAlgError:
-        for place, matrix in enumerate(matrices):
+        found = np.full(shape, np.nan)
+        for place, rows in enumerate(zip(*given, strict=True)):
             with suppress(np.linalg.LinAlgError):
-                failed[place] = np.asarray(compute(matrix), dtype=np.float64)
-        return failed
+                found[place] = compute(*rows)
+        return found
 
 
 @dataclass(frozen=True)
@@ -78,7 +89,7 @@ BY_LIBRARY = Inversion()
 
 def sound_rows(matrices: Floats) -> Bools:
     """Which of symmetric matrices (n, s, s) pass for information matrices: (n,)."""
-    eigenvalues = _each(np.linalg.eigvalsh, matrices, np.full(matrices.shape[:2], np.nan))
+    eigenvalues = _each(np.linalg.eigvalsh, matrices.shape[:2], matrices)
     return np.asarray(eigenvalues[:, 0] > LEAST * eigenvalues[:, -1])
 
 

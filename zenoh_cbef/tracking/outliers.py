@@ -1,12 +1,16 @@
-"""What a range tells of its distance, if a told share of the ranges is too long by exponential errors."""
+"""What a range tells of its distance, if a share of the ranges is wrong."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+
+UNTOLD = 0.02, 50.0
+"""The share of ranges taken to be wrong where nothing is told of it, and by how much on average, in their noises."""
 
 _ERFC = (
     *(-1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806),
@@ -28,6 +32,13 @@ class Informed:
     def weight(self, noise: Floats) -> Floats:
         """What is left of what ranges of this noise, m^2, would tell without outliers, from 0 to 1."""
         return self.precision * noise
+
+
+class Errors(Protocol):
+    """How wrong ranges are distributed."""
+
+    def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
+        """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,53 @@ class Outliers:
         grows = 1.0 + prior * precision
         cost = score**2 * prior * grows - np.log(grows) - 2.0 * (np.log(density) - exponent)
         return Informed(score * grows, precision, cost)
+
+
+@dataclass(frozen=True)
+class Untold:
+    """A few ranges are wrong, by errors of some size m and either sign, of which a scenario says nothing.
+
+        f(z) = (1 - p) N(z; 0, S) + p w(z),      w: see `wrong_by_any`,     p = 0.02,   m = 50 sigma
+        right = (1 - p) N(z; 0, S)/f(z)          precision U = right/sigma^2,     pull = U z
+
+    So each range counts as much as it is likely right, as in a step of expectation maximisation (Dempster, Laird and
+    Rubin, J. R. Stat. Soc. B 39(1), 1977). The moments of one range's posterior, as those of `Outliers`, would not do:
+    one that is right with 0.99 leaves a wide prior's variance times 0.01, far more than its noise, while all ranges of
+    a step together leave no doubt.
+
+    share: p. size: m, m.
+    """
+
+    share: float
+    size: float
+
+    @classmethod
+    def of(cls, range_std: float) -> Self:
+        """Those of receivers with this noise, m."""
+        share, noises = UNTOLD
+        return cls(share, noises * range_std)
+
+    def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
+        """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""
+        total = spread**2
+        right = np.log1p(-self.share) - 0.5 * (innovation**2 / total + np.log(2.0 * np.pi * total))
+        density = np.logaddexp(right, np.log(self.share) + wrong_by_any(innovation, total, self.size))
+        precision = np.exp(right - density) / noise
+        pull, prior = precision * innovation, total - noise
+        grows = 1.0 + prior * precision
+        return Informed(pull, precision, pull**2 * prior / grows - np.log(grows) - 2.0 * density)
+
+
+def wrong_by_any(innovation: Floats, variance: Floats, size: Floats | float) -> Floats:
+    """Logarithm of the density of a wrong range's innovation, whatever the place's variance (m^2) in it.
+
+        w(z) = (1 + |z|/m')^-2/(2 m'),     m' = m + sqrt(pi S/2)
+
+    Without that variance in it, a place of which little is known would make all ranges likelier wrong than right.
+    size: of the error, m, m; half of the normal density of the place lies on either side.
+    """
+    longer = size + np.sqrt(0.5 * np.pi * variance)
+    return np.asarray(-np.log(2.0 * longer) - 2.0 * np.log1p(np.abs(innovation) / longer))
 
 
 def _densities(value: Floats, variance: Floats, mean: float) -> tuple[Floats, Floats, Floats]:

@@ -13,7 +13,7 @@ from zenoh_cbef.tracking.filters.information_form import predict
 from zenoh_cbef.tracking.filters.weighing import weigh
 from zenoh_cbef.tracking.linalg import inverse, matvec
 from zenoh_cbef.tracking.motion import LinearMotion, Motion
-from zenoh_cbef.tracking.outliers import Outliers
+from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Space, own_range
 from zenoh_cbef.tracking.switching import Gaussian
 
@@ -68,7 +68,7 @@ def taken_in(
     xi: float,
     power: int = 1,
     widens: bool = False,
-    outliers: Outliers | None = None,
+    outliers: Errors | None = None,
     biases: int | None = None,
 ) -> Taken:
     """One step of the extended information filter on all agents' ranges, for r runs at once.
@@ -87,7 +87,10 @@ def taken_in(
     )
     precision = weighed.precision
     weight = np.where(measured, precision * variance if widens else weighed.weight, 1.0)
-    cost = precision * innovation**2 - np.log(weight) if weighed.cost is None else measured * weighed.cost
+    if weighed.cost is None:
+        cost = precision * innovation**2 - np.log(weight)
+    else:  # Less what a range costs that is as expected: as above, that costs nothing.
+        cost = measured * (weighed.cost - np.log(2.0 * np.pi * variance))
     weighted = precision[:, :, None] * rows
     # Where the target is lost by far, a covariance may be so long in one direction that it is singular: that run ends.
     updated = inverse(inverse(covariance) + weighted.swapaxes(1, 2) @ rows)
@@ -134,7 +137,7 @@ def centralized_beliefs(
     xi: float,
     power: int = 1,
     widens: bool = False,
-    outliers: Outliers | None = None,
+    outliers: Errors | None = None,
 ) -> Iterator[Belief]:
     """The centralised filter's beliefs of K steps, for r runs. initial: (r, s), (r, s, s)."""
     belief = initial

@@ -27,6 +27,7 @@ from zenoh_cbef.protocol.tokens import is_recorder, ready_token
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
+from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.tracker import Tracker
 
 _JOIN_SECONDS = 1.0
@@ -187,8 +188,10 @@ class Entrance:
             names = ", ".join(f"agent {other}" for other in mute)
             text = f"agent {self._of.agent} begins without what {names} knew at step {before}"
             self._node.event(MISSED, text, step=before)
-        belief = neighbours_belief(self._of.tracker, ids, {other: told[other] for other in wanted & told.keys()})
-        self._of.tracker.adopt(belief, np.ones(1, dtype=bool))
+        tracker, answers = self._of.tracker, {other: told[other] for other in wanted & told.keys()}
+        guess = self._of.plan.guessed_at(tracker.belief, before)
+        belief = neighbours_belief(tracker.space, guess, ids, answers)
+        tracker.adopt(belief, np.ones(1, dtype=bool))
 
 
 def seconds_until(at: float, clock: Clock | None) -> float:
@@ -196,8 +199,8 @@ def seconds_until(at: float, clock: Clock | None) -> float:
     return (at if clock is None else clock.ours(at)) - time.time()
 
 
-def neighbours_belief(tracker: Tracker, ids: Sequence[int], told: Mapping[int, EstimateMessage]) -> Belief:
-    """The belief with which a tracker begins, from its neighbours' estimates by their ids."""
+def neighbours_belief(space: Space, guess: Belief, ids: Sequence[int], told: Mapping[int, EstimateMessage]) -> Belief:
+    """The belief with which a tracker begins, from its neighbours' estimates by their ids; its guess without any."""
     known = np.array([[other in told for other in ids]], dtype=bool).reshape(1, len(ids))
     states, covariances = np.zeros((1, len(ids), 6)), np.zeros((1, len(ids), 6, 6))
     bare = False
@@ -207,4 +210,4 @@ def neighbours_belief(tracker: Tracker, ids: Sequence[int], told: Mapping[int, E
             bare |= packed is None
             if packed is not None:
                 covariances[0, place] = unpack_floats(packed, 6, 6)
-    return belief_from(tracker.space, states, None if bare else covariances, known, tracker.belief)
+    return belief_from(space, states, None if bare else covariances, known, guess)

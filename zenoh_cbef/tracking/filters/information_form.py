@@ -23,7 +23,7 @@ from zenoh_cbef.tracking.linalg import (
     unpack_upper,
 )
 from zenoh_cbef.tracking.motion import Motion
-from zenoh_cbef.tracking.outliers import Outliers
+from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Measurement, Space, differenced_rows, filled, own_range
 
 _CLEARLY = 0.01
@@ -72,7 +72,7 @@ def own_information(
     xi: float,
     power: int = 1,
     widens: bool = False,
-    outliers: Outliers | None = None,
+    outliers: Errors | None = None,
 ) -> RangeInformation:
     """Information of the agent's own range, linearised at the prior and saturated.
 

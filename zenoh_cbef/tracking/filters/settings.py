@@ -10,7 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
 from zenoh_cbef.tracking.motion import BesideConstants, Motion
-from zenoh_cbef.tracking.outliers import Outliers
+from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.switching import Switching
 
@@ -85,7 +85,7 @@ class FilterSettings:
     """A range below it, m, is none where ranges are squared, as its square is another one's."""
     outliers: tuple[float, float] | None = None
     """What share of the ranges are too long, and by how much (m) on average, where the scenario tells so."""
-    weighed: Outliers | None = None
+    weighed: Errors | None = None
     """The same, where these decide what a range counts for, in place of the saturation."""
     distrusts: bool = False
     """Whether agents give their own implausible ranges less weight."""

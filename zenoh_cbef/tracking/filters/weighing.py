@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.tracking.outliers import Outliers
+from zenoh_cbef.tracking.outliers import Errors
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def weigh(
     xi: float,
     power: int,
     widens: bool,
-    outliers: Outliers | None,
+    outliers: Errors | None,
 ) -> Weighed:
     """What ranges count for, (n,), whose innovations (m) were predicted to have a standard deviation `spread` (m).
 

@@ -20,7 +20,7 @@ from zenoh_cbef.tracking.filters.information_form import (
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion, matvec
 from zenoh_cbef.tracking.motion import Motion
-from zenoh_cbef.tracking.outliers import Outliers
+from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 
@@ -54,7 +54,7 @@ class SaturatedInformation:
     xi: float = np.inf
     power: int = 1
     widens: bool = False
-    outliers: Outliers | None = None
+    outliers: Errors | None = None
     inversion: Inversion = BY_LIBRARY
 
     abilities: ClassVar = Abilities(

@@ -12,15 +12,13 @@ from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct,
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.linalg import matvec, outer
 from zenoh_cbef.tracking.motion import Motion, turned
+from zenoh_cbef.tracking.outliers import UNTOLD, wrong_by_any
 
 MOST = 16
 """How many branches stay after each range."""
 
 KEPT = 4
 """How many distinct ones stay from step to step."""
-
-_UNTOLD = 0.02, 50.0
-"""The share of ranges taken to be wrong where nothing is told of it, and by how much on average, in their noises."""
 
 _NEAREST = 0.1
 """The least distance at which a range is linearised, in units of its noise."""
@@ -264,7 +262,7 @@ def likelihoods(
 
     noise: its variance, m^2. untold: see `Branches.share`.
     """
-    share, mean = _UNTOLD if outliers is None else outliers
+    share, mean = UNTOLD if outliers is None else outliers
     variance, innovation = told.total / told.unit**2, told.excess / told.unit
     right = -0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance))
     long = mean if outliers is not None else mean * np.sqrt(noise)
@@ -283,12 +281,11 @@ def likelihoods(
 def _wrong(innovation: Floats, variance: Floats, mean: Floats | float, *, told: bool) -> Floats:
     """Logarithm of the density of a wrong range's innovation, (n, k), whatever the place's variance (m^2) in it.
 
-    Without that in it, a place of which little is known would make all ranges likelier wrong than right. mean: of the
-    error, m; half of the normal density of the place lies on either side. told: whether errors are exponential.
+    mean: of the error, m. told: whether errors are exponential; others: see `wrong_by_any`.
     """
+    if not told:
+        return wrong_by_any(innovation, variance, mean)
     half = np.sqrt(0.5 * np.pi * variance)
     longer = mean + half
-    if not told:
-        return np.asarray(-np.log(2.0 * longer) - 2.0 * np.log1p(np.abs(innovation) / longer))
     short = np.minimum(innovation, 0.0) ** 2 / variance
     return np.asarray(-np.log(longer + half) - np.maximum(innovation, 0.0) / longer - 0.5 * short)

@@ -16,7 +16,7 @@ from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.filters.weighing import saturated_precision
 from zenoh_cbef.tracking.linalg import matvec, unpack_upper
 from zenoh_cbef.tracking.motion import turned
-from zenoh_cbef.tracking.outliers import Outliers
+from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 from zenoh_cbef.tracking.switching import Gaussian, Switching
 
@@ -51,7 +51,7 @@ class InteractingModels:
     middle: tuple[float, ...]
     space: Space
     widens: bool = False
-    outliers: Outliers | None = None
+    outliers: Errors | None = None
 
     @classmethod
     def sharing(cls, settings: FilterSettings, of_one: Callable[[FilterSettings], Sharing]) -> Sharing:

@@ -26,7 +26,7 @@ from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.filters.weighing import weigh
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
 from zenoh_cbef.tracking.motion import LinearMotion, beside_constants, linear
-from zenoh_cbef.tracking.outliers import Outliers
+from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 MOST = 12
@@ -75,7 +75,7 @@ class JointBiases:
     xi: float = np.inf
     power: int = 1
     widens: bool = False
-    outliers: Outliers | None = None
+    outliers: Errors | None = None
     common_std: float = 0.0
     scale_std: float = 0.0
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.linalg import matvec, outer
+from zenoh_cbef.tracking.linalg import matvec, outer, raw_inverse
 
 Priors = tuple[Floats, Floats, Floats]
 """k states (n, k, s) and covariances (n, k, s, s), and logarithms of how likely they are, (n, k)."""
@@ -25,7 +25,7 @@ def distinct(whole: Priors, count: int, near: float | None = None) -> Priors:
     for turn in range(count):
         best = np.argmax(left, axis=1)
         away = states - states[rows, best][:, None]
-        known = np.linalg.inv(covariances[rows, best])[:, None]
+        known = raw_inverse(covariances[rows, best])[:, None]
         close = np.add.reduce(away * matvec(known, away), axis=2) < (states.shape[2] if near is None else near)
         member = (close | (turn == count - 1)) & (left > NEVER)
         found.append(mixture(states, covariances, np.where(member, left, NEVER)))
