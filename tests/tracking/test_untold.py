@@ -11,6 +11,7 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard, heard_in, simulate
+from zenoh_cbef.tracking.filters.weighing import saturation
 from zenoh_cbef.tracking.outliers import Untold, wrong_by_any
 from zenoh_cbef.tracking.status import STATUSES
 
@@ -21,27 +22,31 @@ CORNERS = (
     "target.waypoints=[[0,0,0],[5,5,5],[-5,5,-5],[5,-5,5],[-5,-5,-5],[0,0,0]]",
 )
 REAL_TIME, MANY = "timing.mode=realtime", "agents.count=13"
+XI = 1.5
 TRACKING = STATUSES.index("tracking")
 
 
 @given(st.floats(-30.0, 30.0), st.floats(1e-4, 100.0), st.floats(1e-4, 1.0))
-def test_a_range_counts_as_much_as_it_is_likely_right(innovation, prior, noise):
-    errors, total = Untold.of(float(np.sqrt(noise))), prior + noise
+def test_a_range_saturates_and_counts_as_much_as_it_is_likely_right(innovation, prior, noise):
+    errors, spread = Untold.of(float(np.sqrt(noise)), XI), float(np.sqrt(prior + noise))
+    saturated = noise / saturation(np.array([innovation]), np.array([XI * spread]))[0]
+    total = prior + saturated
     right = (1.0 - errors.share) * np.exp(-0.5 * innovation**2 / total) / np.sqrt(2.0 * np.pi * total)
-    wrong = errors.share * float(np.exp(wrong_by_any(np.array(innovation), np.array(total), errors.size)))
-    found = errors.informed(np.array([innovation]), np.array([np.sqrt(total)]), np.array([noise]))
-    assert found.weight(np.array([noise]))[0] == pytest.approx(right / (right + wrong), rel=1e-9, abs=1e-12)
+    wrong = errors.share * float(np.exp(wrong_by_any(np.array(innovation), np.array(spread**2), errors.size)))
+    found = errors.informed(*(np.array([one]) for one in (innovation, spread, noise)))
+    assert found.precision[0] * saturated == pytest.approx(right / (right + wrong), rel=1e-9, abs=1e-12)
     assert found.pull[0] == pytest.approx(found.precision[0] * innovation, rel=1e-9)
     after = 1.0 / (1.0 / prior + found.precision[0])
     cost = found.cost[0] + np.log(prior / after) - found.pull[0] ** 2 * after
     assert cost == pytest.approx(-2.0 * np.log(right + wrong), rel=1e-6, abs=1e-6)
 
 
-def test_a_range_that_is_surely_right_is_kalmans():
-    innovation = np.array([-0.3, 0.0, 0.2])
-    found = Untold(1e-12, 5.0).informed(innovation, np.full(3, np.sqrt(0.05)), np.full(3, 0.01))
-    np.testing.assert_allclose(found.precision, 100.0, rtol=1e-6)
-    np.testing.assert_allclose(found.cost, 100.0 * innovation**2 + np.log(2.0 * np.pi * 0.01), rtol=1e-6)
+def test_among_ranges_that_are_surely_right_it_is_the_saturation():
+    innovation, spread, noise = np.array([-0.3, 0.0, 0.2, 0.9]), np.full(4, np.sqrt(0.05)), np.full(4, 0.01)
+    found, weight = Untold(1e-12, 5.0, XI).informed(innovation, spread, noise), saturation(innovation, XI * spread)
+    np.testing.assert_allclose(found.precision, weight / noise, rtol=1e-6)
+    cost = weight * innovation**2 / noise - np.log(weight)
+    np.testing.assert_allclose(found.cost, cost + np.log(2.0 * np.pi * noise), rtol=1e-6)
 
 
 @given(st.floats(0.01, 10.0), st.floats(0.0, 100.0))
@@ -79,6 +84,6 @@ def test_a_target_that_turns_is_held_where_agents_average(path, where, wrong):
 
 @pytest.mark.parametrize("key", ["filter.saturation=bounded", "filter.xi=2", "filter.kind=icf", "filter.defaults=17"])
 def test_where_the_scenario_asks_for_saturation_ranges_saturate(key):
-    assert Plan(load("tracking", [*CIRCLE, MANY]).scenario).settings.weighed == Untold(0.02, 5.0)
+    assert Plan(load("tracking", [*CIRCLE, MANY]).scenario).settings.weighed == Untold(0.02, 5.0, XI)
     assert Plan(load("tracking", [*CIRCLE, MANY, key]).scenario).settings.weighed is None
     assert Plan(load("tracking", []).scenario).settings.weighed is None

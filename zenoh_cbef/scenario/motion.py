@@ -89,8 +89,11 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
     if chosen.acceleration_std is None and chosen.defaults > 14:
         agile = max(agile, turning_round(scenario))
     sudden = [(chosen.agile, reversing(scenario))] if turns_suddenly(scenario, range_std) else []
-    if not told and (sudden or (chosen.acceleration_std is None and chosen.defaults > 17)):
-        agile, sudden = max(agile, reversing(scenario)), []
+    if sudden and not told:
+        agile, sudden = reversing(scenario), []
+    elif not told and chosen.acceleration_std is None and chosen.defaults > 17:
+        # Ranges that no motion explains count for nothing there: a velocity may become any other one that is as fast.
+        agile = max(agile, reversing(scenario) / _ROUND)
     if chosen.acceleration_std is None and chosen.defaults > 13:
         calm = _noise(scenario, range_std, _CALMEST)
     between = [("ncv", (middle * agile) ** 0.5)] if told and chosen.defaults > 12 else []

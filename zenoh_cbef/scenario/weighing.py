@@ -41,7 +41,7 @@ def weighed_errors(scenario: Scenario, range_std: float, *, several: bool) -> Er
     """How wrong ranges of emulated receivers are distributed, where agents weigh ranges by that.
 
     As the scenario tells, or by today's rules, if they assume several motions, as wrong ranges are that it does not
-    tell of. They saturate ranges where the scenario asks for that, or tells nothing of what is wrong.
+    tell of. They saturate ranges alone where the scenario asks for that, or a filter of one motion is told nothing.
     """
     chosen, sensor = scenario.filter, scenario.sensor
     left_open = (chosen.xi, chosen.saturation) == ("auto", "auto") and abilities_of(chosen.kind).outliers
@@ -49,7 +49,7 @@ def weighed_errors(scenario: Scenario, range_std: float, *, several: bool) -> Er
         return None
     if sensor.outlier_probability > 0.0:
         return Outliers(sensor.outlier_probability, sensor.outlier_scale)
-    return Untold.of(range_std) if several and chosen.defaults > 17 else None
+    return Untold.of(range_std, _XI[1]) if several and chosen.defaults > 17 else None
 
 
 def widens(scenario: Scenario, *, power: int, wide: bool) -> bool:

@@ -80,33 +80,37 @@ class Outliers:
 class Untold:
     """A few ranges are wrong, by errors of some size m and either sign, of which a scenario says nothing.
 
-        f(z) = (1 - p) N(z; 0, S) + p w(z),      w: see `wrong_by_any`,     p = 0.02,   m = 50 sigma
-        right = (1 - p) N(z; 0, S)/f(z)          precision U = right/sigma^2,     pull = U z
+        R = sigma^2 max(1, |z|/(xi sqrt S))      a range that saturates has so much noise,  S = C + sigma^2
+        f(z) = (1 - p) N(z; 0, C + R) + p w(z),  w: see `wrong_by_any`,     p = 0.02,   m = 50 sigma,   C = H P H^T
+        right = (1 - p) N(z; 0, C + R)/f(z)      precision U = right/R,     pull = U z
 
-    So each range counts as much as it is likely right, as in a step of expectation maximisation (Dempster, Laird and
-    Rubin, J. R. Stat. Soc. B 39(1), 1977). The moments of one range's posterior, as those of `Outliers`, would not do:
-    one that is right with 0.99 leaves a wide prior's variance times 0.01, far more than its noise, while all ranges of
-    a step together leave no doubt.
+    So ranges saturate as where none are wrong, and one that is far off even so counts as much as it is likely right, as
+    in a step of expectation maximisation (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39(1), 1977). The moments of
+    one range's posterior, as those of `Outliers`, would not do: one that is right with 0.99 leaves a wide prior's
+    variance times 0.01, far more than its noise, while all ranges of a step together leave no doubt.
 
-    share: p. size: m, m.
+    share: p. size: m, m. xi: standard deviations of the innovation at which ranges saturate.
     """
 
     share: float
     size: float
+    xi: float
 
     @classmethod
-    def of(cls, range_std: float) -> Self:
+    def of(cls, range_std: float, xi: float) -> Self:
         """Those of receivers with this noise, m."""
         share, noises = UNTOLD
-        return cls(share, noises * range_std)
+        return cls(share, noises * range_std, xi)
 
     def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
         """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""
-        total = spread**2
+        prior = spread**2 - noise
+        noise = noise * np.maximum(np.abs(innovation) / (self.xi * spread), 1.0)
+        total = prior + noise
         right = np.log1p(-self.share) - 0.5 * (innovation**2 / total + np.log(2.0 * np.pi * total))
-        density = np.logaddexp(right, np.log(self.share) + wrong_by_any(innovation, total, self.size))
+        density = np.logaddexp(right, np.log(self.share) + wrong_by_any(innovation, spread**2, self.size))
         precision = np.exp(right - density) / noise
-        pull, prior = precision * innovation, total - noise
+        pull = precision * innovation
         grows = 1.0 + prior * precision
         return Informed(pull, precision, pull**2 * prior / grows - np.log(grows) - 2.0 * density)
 
