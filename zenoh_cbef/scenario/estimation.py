@@ -44,7 +44,7 @@ class Filter(Table):
     standard deviations; auto: 2 where saturation redescends, otherwise 1.5."""
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     """auto: redescending where ranges are real, the scenario's sensor has outliers, or a first fix finds a target whose
-    motion is ncv."""
+    motion is ncv, or one of several that the filter assumes."""
     recovery: bool = False
     distrust: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
     """auto: on where ranges are real or receivers have faults."""
