@@ -254,7 +254,7 @@ class Filtering(Meant):
             deciding=start.deciding(scenario, window),
             drifts=network.parts(scenario) or not (chosen.defaults > 15 and self.models and self.splits),
             awaits=chosen.defaults > 15 and not trust.real(scenario),
-            # At turns among told outliers an estimate is unsure for some steps, though no range is missing.
+            # At turns among ranges that may be wrong an estimate is unsure for some steps, though no range is missing.
             bends=chosen.defaults > 7 and not (tells or (self.models and settings.weighed)),
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),
