@@ -73,7 +73,7 @@ def with_wrong(scenario, kind):
 @pytest.mark.parametrize("where", [REAL_TIME, MANY])
 @pytest.mark.parametrize("path", [CIRCLE, CORNERS])
 def test_a_target_that_turns_is_held_where_agents_average(path, where, wrong):
-    scenarios = [load("tracking", [*path, where, "steps=150", f"seed={seed}"]).scenario for seed in (1001, 1002)]
+    scenarios = [load("tracking", [*path, where, "steps=150", "seed=1001"]).scenario]
     assert not Plan(scenarios[0]).tells_ranges
     for trace in simulate(scenarios, heard=[with_wrong(one, wrong) for one in scenarios]):
         off = np.linalg.norm((trace.estimates - trace.truth)[:, 60:, :3], axis=2)

@@ -108,7 +108,9 @@ class Untold:
         noise = noise * np.maximum(np.abs(innovation) / (self.xi * spread), 1.0)
         total = prior + noise
         right = np.log1p(-self.share) - 0.5 * (innovation**2 / total + np.log(2.0 * np.pi * total))
-        density = np.logaddexp(right, np.log(self.share) + wrong_by_any(innovation, spread**2, self.size))
+        wrong = np.log(self.share) + wrong_by_any(innovation, spread**2, self.size)
+        # logaddexp would warn of a range that is missing.
+        density = np.maximum(right, wrong) + np.log1p(np.exp(-np.abs(right - wrong)))
         precision = np.exp(right - density) / noise
         pull = precision * innovation
         grows = 1.0 + prior * precision
