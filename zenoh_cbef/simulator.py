@@ -18,6 +18,7 @@ from zenoh_cbef.scenario.size import refuse_a_trace_beyond_memory
 from zenoh_cbef.scenario.world import World, make_world
 from zenoh_cbef.trace import LinkCounts, Links, SmoothedPath, Trace, Traffic
 from zenoh_cbef.tracking.diagnostics import NAMES, Diagnostics
+from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.graph import Neighbours
 from zenoh_cbef.tracking.newcomer import belief_from
 from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
@@ -141,7 +142,8 @@ class Simulation:
 
     def _welcome(self, step: int) -> None:
         """Agents that come back without a memory begin with the estimates of those neighbours that they can ask."""
-        if self._estimate is None:
+        reborn = np.tile(self.absences.reborn(step), self._runs)
+        if self._estimate is None or not reborn.any():
             return
         present, index = self.neighbours.present, self.neighbours.index
         told = np.zeros_like(present)
@@ -149,14 +151,16 @@ class Simulation:
         told &= ~np.tile(self.absences.at(step - 1), self._runs)[index]
         known, covariance = self._estimate.state[index], self._estimate.covariance
         covariance = None if covariance is None else covariance[index]
-        belief = belief_from(self.tracker.space, known, covariance, told, self.plan.guessed_at(self._initial, step - 1))
-        self.tracker.adopt(belief, np.tile(self.absences.reborn(step), self._runs))
+        belief = belief_from(self.tracker.space, known, covariance, told, self._initial)
+        alone = reborn & ~told.any(axis=1)
+        if alone.any():
+            belief = chosen(belief, self.plan.guessed_at(self._initial, step - 1), alone)
+        self.tracker.adopt(belief, reborn)
 
     @np.errstate(all="ignore")  # liars' messages can make a tracker overflow, which looks at its results
     def _step(self, step: int) -> Step:
         self._noted = []
-        if self.absences.reborn(step).any():
-            self._welcome(step)
+        self._welcome(step)
         told = self._outgoing.ranges(step, self.heard.ranges[:, step - 1])
         message = self.tracker.measure(self._measurement(step, told))
         sent: list[Floats] = []

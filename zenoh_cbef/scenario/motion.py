@@ -74,10 +74,10 @@ def leaving(scenario: Scenario, *, doubted: bool, told: bool) -> tuple[float, ..
     return (_LASTING, _OFTEN, _ALWAYS) if told else (_LASTING, _OFTEN)
 
 
-def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: bool = False) -> tuple[Motion, ...]:
+def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: bool | None = None) -> tuple[Motion, ...]:
     """The motions between which the target switches, the most agile one last.
 
-    told: agents tell each other their ranges, so a motion more makes no message longer.
+    told: agents tell each other their ranges, so a motion more makes no message longer; None: that is not decided yet.
     """
     chosen, settings = scenario.filter, _settings(scenario, range_std, axes)
     if chosen.models:
@@ -88,12 +88,13 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
     middle, agile = (one / _CALM * calm for one in (_INDEX, _AGILE))
     if chosen.acceleration_std is None and chosen.defaults > 14:
         agile = max(agile, turning_round(scenario))
-    sudden = [(chosen.agile, reversing(scenario))] if turns_suddenly(scenario, range_std) else []
+    fastest = reversing(scenario) if chosen.acceleration_std is None else 0.0
+    sudden = [(chosen.agile, fastest)] if fastest > _SUDDEN * agile else []
     if sudden and not told:
-        agile, sudden = reversing(scenario), []
-    elif not told and chosen.acceleration_std is None and chosen.defaults > 17:
+        agile, sudden = fastest, []
+    elif told is False and chosen.defaults > 17:
         # Ranges that no motion explains count for nothing there: a velocity may become any other one that is as fast.
-        agile = max(agile, reversing(scenario) / _ROUND)
+        agile = max(agile, fastest / _ROUND)
     if chosen.acceleration_std is None and chosen.defaults > 13:
         calm = _noise(scenario, range_std, _CALMEST)
     between = [("ncv", (middle * agile) ** 0.5)] if told and chosen.defaults > 12 else []
@@ -165,19 +166,6 @@ def reversing(scenario: Scenario) -> float:
     0 by the fifteenth rules.
     """
     return _ROUND * start.reach(scenario) / scenario.dt**2 if scenario.filter.defaults > 15 else 0.0
-
-
-def turns_suddenly(scenario: Scenario, range_std: float) -> bool:
-    """Whether a target may turn round by far more than step and ranges, of range_std (m), make an agile motion."""
-    agile = max(_noise(scenario, range_std, _AGILE), turning_round(scenario))
-    return scenario.filter.acceleration_std is None and reversing(scenario) > _SUDDEN * agile
-
-
-def turns_in_a_step(scenario: Scenario, range_std: float) -> bool:
-    """Whether the target may turn round in a step, as steps are long, or ranges are precise."""
-    given = scenario.filter.acceleration_std
-    agile = _noise(scenario, range_std, _AGILE) if given is None else given * _AGILE / _CALM
-    return agile <= turning_round(scenario) or turns_suddenly(scenario, range_std)
 
 
 def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings:

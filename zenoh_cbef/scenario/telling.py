@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
+from math import isclose, sqrt
 
 import numpy as np
 
 from zenoh_cbef.scenario import bending, near_plane, network, start, trust
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.scenario.motion import turns_in_a_step
+from zenoh_cbef.scenario.motion import reversing, turning_round
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.motion import Motion, NearlyConstantVelocity
@@ -111,7 +111,9 @@ def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: floa
         between = sqrt(motions[-2].acceleration_std * agile.acceleration_std)
         motion = NearlyConstantVelocity(scenario.dt, between, agile.axes)
         bend = bending.bending(scenario, motion, range_std, scenario.dt)[1]
-        return turns_in_a_step(scenario, range_std) or bend * sqrt(scenario.count) > bending.MOST
+        swift = agile.acceleration_std
+        turns = swift <= turning_round(scenario) or isclose(swift, reversing(scenario))
+        return turns or bend * sqrt(scenario.count) > bending.MOST
     flat = near_plane.flat(scenario, range_std, agile.axes)
     return not flat and bending.weakest(scenario, agile, range_std) > bending.STRAIGHT
 

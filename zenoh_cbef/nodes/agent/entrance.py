@@ -27,7 +27,6 @@ from zenoh_cbef.protocol.tokens import is_recorder, ready_token
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.newcomer import belief_from
-from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.tracker import Tracker
 
 _JOIN_SECONDS = 1.0
@@ -189,8 +188,8 @@ class Entrance:
             text = f"agent {self._of.agent} begins without what {names} knew at step {before}"
             self._node.event(MISSED, text, step=before)
         tracker, answers = self._of.tracker, {other: told[other] for other in wanted & told.keys()}
-        guess = self._of.plan.guessed_at(tracker.belief, before)
-        belief = neighbours_belief(tracker.space, guess, ids, answers)
+        guess = self._of.plan.guessed_at
+        belief = neighbours_belief(tracker, ids, answers) if answers else guess(tracker.belief, before)
         tracker.adopt(belief, np.ones(1, dtype=bool))
 
 
@@ -199,8 +198,8 @@ def seconds_until(at: float, clock: Clock | None) -> float:
     return (at if clock is None else clock.ours(at)) - time.time()
 
 
-def neighbours_belief(space: Space, guess: Belief, ids: Sequence[int], told: Mapping[int, EstimateMessage]) -> Belief:
-    """The belief with which a tracker begins, from its neighbours' estimates by their ids; its guess without any."""
+def neighbours_belief(tracker: Tracker, ids: Sequence[int], told: Mapping[int, EstimateMessage]) -> Belief:
+    """The belief with which a tracker begins, from its neighbours' estimates by their ids."""
     known = np.array([[other in told for other in ids]], dtype=bool).reshape(1, len(ids))
     states, covariances = np.zeros((1, len(ids), 6)), np.zeros((1, len(ids), 6, 6))
     bare = False
@@ -210,4 +209,4 @@ def neighbours_belief(space: Space, guess: Belief, ids: Sequence[int], told: Map
             bare |= packed is None
             if packed is not None:
                 covariances[0, place] = unpack_floats(packed, 6, 6)
-    return belief_from(space, states, None if bare else covariances, known, guess)
+    return belief_from(tracker.space, states, None if bare else covariances, known, tracker.belief)
