@@ -129,6 +129,13 @@ def test_a_killed_and_a_stopped_process_come_back_and_the_bits_are_the_simulator
     ]
 
 
+def test_an_agent_that_comes_back_with_its_only_neighbour_has_the_simulators_guess(world):
+    fault = [{"kind": "crash", "agents": [0, 1], "from": 0.5, "until": 1.0}]
+    line = {"agents": {"count": 4}, "network": {"edges": [[0, 1], [1, 2], [2, 3]]}, "consensus": {"rounds": 3}}
+    run(world, {"steps": 14, **line, "fault": fault})
+    assert said(again(world, world.log)) == said(world.log)
+
+
 def test_a_network_that_shrinks_below_what_it_can_see_says_so(world):
     fault = [{"kind": "crash", "agents": [2], "from": 1.5}, {"kind": "pause", "agents": [1], "from": 0.4, "until": 0.6}]
     network = {"agents": {"count": 3}, "network": {"graph": "complete"}, "consensus": {"rounds": 2}}
