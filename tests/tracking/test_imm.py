@@ -229,7 +229,7 @@ def test_a_liar_displaces_every_model_and_leaves_the_numbers_after_them():
 @pytest.mark.slow
 def test_a_circle_is_tracked_with_the_defaults_as_well_as_by_the_centralised_filter():
     circle = ("target.motion=circle", "target.radius=5", "target.period=8", "steps=150")
-    traces = simulate([load("tracking", (*circle, f"seed={seed}")).scenario for seed in (1001, 1002, 1003)])
+    traces = simulate([load("tracking", (*circle, f"seed={seed}")).scenario for seed in (1001, 1002)])
     ratios = []
     for trace, central in zip(traces, centralised(traces), strict=True):
         truth = trace.truth[75:, :3]
