@@ -270,17 +270,25 @@ def test_what_is_not_there_is_never_right():
     assert (kept[2][0, 1:] < 0.9 * NEVER).all()
 
 
-def test_the_likeliest_of_many_stay():
-    random = np.random.default_rng(6)
-    many = several(random, count=24)
-    stay = many.likeliest(MOST)
+@pytest.mark.parametrize("distance", [11.0, 14.0, np.nan])
+def test_the_likeliest_of_many_stay_as_if_each_had_branched_alone(distance):
+    many, told = several(np.random.default_rng(6), count=24), heard(PLACES[:1], np.full((3, 1), distance))
+    stay = many.after(told, 0, OUTLIERS, MOST)
+    assert stay.likelihood.shape[1] == MOST
+    each = []
+    for place in range(24):
+        one = slice(place, place + 1)
+        priors = many.mean[:, one, :6], many.covariance[:, one, :6, :6], many.likelihood[:, one]
+        each.append(Branches.of(priors, 3).after(told, 0, OUTLIERS, 2))
+    likelihood = np.concatenate([one.likelihood for one in each], axis=1)
+    mean, wrong = (np.concatenate([getattr(one, name) for one in each], axis=1) for name in ("mean", "wrong"))
+    covariance = np.concatenate([one.covariance for one in each], axis=1)
     for agent in range(3):
-        best = np.sort(many.likelihood[agent])[::-1][: stay.likelihood.shape[1]]
-        np.testing.assert_array_equal(stay.likelihood[agent], best)
-        for place, value in enumerate(best):
-            from_ = int(np.flatnonzero(many.likelihood[agent] == value)[0])
-            np.testing.assert_array_equal(stay.mean[agent, place], many.mean[agent, from_])
-            np.testing.assert_array_equal(stay.covariance[agent, place], many.covariance[agent, from_])
+        best = np.argsort(-likelihood[agent], kind="stable")[:MOST]
+        np.testing.assert_array_equal(stay.likelihood[agent], likelihood[agent, best])
+        np.testing.assert_array_equal(stay.mean[agent], mean[agent, best])
+        np.testing.assert_array_equal(stay.covariance[agent], covariance[agent, best])
+        np.testing.assert_array_equal(stay.wrong[agent], wrong[agent, best])
 
 
 def test_a_range_that_is_missing_says_nothing():

@@ -43,13 +43,14 @@ class Heard:
 class Expected:
     """What k branches expect of a range, arrays (n, k).
 
-    row: (n, k, d), the squared range's derivative. distance, m, and its variance, m^2, without the noise. excess: the
-    squared range over what is expected, m^2. total: the variance of that, m^4. unit: 2 l, m, by which it is divided to
-    be an innovation of the range. beyond: m, by how much the range is longer if it is wrong, and around: m^2, the
-    variance of that.
+    row: (n, k, d), the squared range's derivative, and cross: (n, k, d), the covariance times it. distance, m, and its
+    variance, m^2, without the noise. excess: the squared range over what is expected, m^2. total: the variance of that,
+    m^4. unit: 2 l, m, by which it is divided to be an innovation of the range. beyond: m, by how much the range is
+    longer if it is wrong, and around: m^2, the variance of that.
     """
 
     row: Floats
+    cross: Floats
     distance: Floats
     variance: Floats
     excess: Floats
@@ -142,7 +143,8 @@ class Branches:
         noise = heard.variance[:, agent, None]
         least = _NEAREST**2 * noise
         square = np.maximum(square, least)
-        spread = np.maximum(np.add.reduce(row * matvec(self.covariance, row), axis=2), 0.0)
+        cross = matvec(self.covariance, row)
+        spread = np.maximum(np.add.reduce(row * cross, axis=2), 0.0)
         distance, variance = np.sqrt(square), spread / (4.0 * square)
         ranges = np.where(np.isfinite(heard.range[:, agent]), heard.range[:, agent], 0.0)[:, None]
         gain = variance / (variance + noise)
@@ -157,49 +159,39 @@ class Branches:
             around = around + shared + self.covariance[rows, :, column, column]
             row[rows, :, column] = 2.0 * length
             square = square + 2.0 * length * bias + bias * bias + self.covariance[rows, :, column, column]
-            spread = np.maximum(np.add.reduce(row * matvec(self.covariance, row), axis=2), 0.0)
+            cross = matvec(self.covariance, row)
+            spread = np.maximum(np.add.reduce(row * cross, axis=2), 0.0)
         excess = ranges * ranges - square - (1.0 - 4.0 * gain) * noise
         total = spread + (4.0 * length * length + 2.0 * noise) * noise
         unit, known = 2.0 * length, distance + bias
         if not self.exact:
-            return Expected(row, known, variance, excess, total, unit, excess / unit, total / unit**2)
-        return Expected(row, known, variance, excess, total, unit, ranges - known, around)
+            return Expected(row, cross, known, variance, excess, total, unit, excess / unit, total / unit**2)
+        return Expected(row, cross, known, variance, excess, total, unit, ranges - known, around)
 
     def after(self, heard: Heard, agent: int, outliers: tuple[float, float] | None, many: int = MOST) -> Branches:
         """With the range of an agent, right or wrong; so many stay."""
         there = np.isfinite(heard.range[:, agent])[:, None]
         told = self.expected(heard, agent)
         right, wrong = likelihoods(told, heard.variance[:, agent, None], outliers, self.share)
-        cross = matvec(self.covariance, told.row)
-        gain = np.where(there, 1.0 / told.total, 0.0)[:, :, None] * cross
-        mean = self.mean + gain * told.excess[:, :, None]
-        covariance = self.covariance - outer(gain, cross)
-        if self.motion is not None:
-            mean, covariance = turned(self.motion, (self.mean, self.covariance), (mean, covariance))
         likelihood = np.concatenate(
             [self.likelihood + np.where(there, right, 0.0), self.likelihood + np.where(there, wrong, NEVER)], axis=1
         )
-        both = replace(
-            self,
-            mean=np.concatenate([mean, self.mean], axis=1),
-            covariance=np.concatenate([covariance, self.covariance], axis=1),
-            likelihood=likelihood,
-            wrong=np.concatenate([self.wrong, self.wrong + there], axis=1),
-            slack=_beside(self.slack, self.slack),
-        )
-        return both.likeliest(many)
-
-    def likeliest(self, many: int) -> Branches:
-        """Those that stay."""
-        kept = np.argsort(-self.likelihood, axis=1, kind="stable")[:, :many]
-        rows = np.arange(len(kept))[:, None]
+        # Which branches stay is known before they are computed.
+        kept = np.argsort(-likelihood, axis=1, kind="stable")[:, :many]
+        rows, count = np.arange(len(kept))[:, None], self.likelihood.shape[1]
+        which, is_wrong = (rows, kept % count), (kept >= count) & there
+        before, cross = (self.mean[which], self.covariance[which]), told.cross[which]
+        gain = np.where(there & ~is_wrong, 1.0 / told.total[which], 0.0)[:, :, None] * cross
+        after = before[0] + gain * told.excess[which][:, :, None], before[1] - outer(gain, cross)
+        if self.motion is not None:
+            after = turned(self.motion, before, after)
         return replace(
             self,
-            mean=self.mean[rows, kept],
-            covariance=self.covariance[rows, kept],
-            likelihood=self.likelihood[rows, kept],
-            wrong=self.wrong[rows, kept],
-            slack=None if self.slack is None else self.slack[rows, kept],
+            mean=after[0],
+            covariance=after[1],
+            likelihood=likelihood[rows, kept],
+            wrong=self.wrong[which] + is_wrong,
+            slack=None if self.slack is None else self.slack[which],
         )
 
     def beside(self, other: Branches) -> Branches:

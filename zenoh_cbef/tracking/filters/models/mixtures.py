@@ -6,6 +6,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.linalg import matvec, outer, raw_inverse
 
 Priors = tuple[Floats, Floats, Floats]
@@ -18,20 +19,53 @@ NEVER = -1e9
 def distinct(whole: Priors, count: int, near: float | None = None) -> Priors:
     """The likeliest of many, each merged with what is near it; the last one with all that are left.
 
-    near: the square of how many standard deviations of the likelier one are near; None: as many as there are states.
+    Where fewer are found, the others repeat the first one and are never right. near: the square of how many standard
+    deviations of the likelier one are near; None: as many as there are states.
     """
     states, covariances, left = whole
-    rows, found = np.arange(len(states)), []
+    rows, found = np.arange(len(states)), np.full(left.shape, count)
     for turn in range(count):
         best = np.argmax(left, axis=1)
         away = states - states[rows, best][:, None]
         known = raw_inverse(covariances[rows, best])[:, None]
         close = np.add.reduce(away * matvec(known, away), axis=2) < (states.shape[2] if near is None else near)
         member = (close | (turn == count - 1)) & (left > NEVER)
-        found.append(mixture(states, covariances, np.where(member, left, NEVER)))
+        found[member] = turn
         left = np.where(member, NEVER, left)
-    first, second, third = (np.stack(each, axis=1) for each in zip(*found, strict=True))
-    return first, second, third
+    found[(found == count).all(axis=1), 0] = 0
+    return _merged(whole, found, count)
+
+
+def _merged(whole: Priors, group: Rows, count: int) -> Priors:
+    """Mixtures of the Gaussians of each group, which are far fewer than all: group (n, k) from 0 on, `count`: none."""
+    states, covariances, likelihood = whole
+    size, of = states.shape[2], np.nonzero(group < count)
+    where, shape = of[0] * count + group[of], (len(states), count)
+    most = np.full(len(states) * count, -np.inf)
+    np.maximum.at(most, where, likelihood[of])
+    weight = np.exp(likelihood[of] - most[where])
+    sum_ = _gathered(weight, where, len(most))
+    weight /= sum_[where]
+    state = _gathered(weight[:, None] * states[of], where, len(most))
+    apart = states[of] - state[where]
+    spread = outer(apart, apart)
+    spread += covariances[of]
+    spread *= weight[:, None, None]
+    covariance = _gathered(spread, where, len(most))
+    found = state.reshape(*shape, size), 0.5 * (covariance + covariance.swapaxes(1, 2)).reshape(*shape, size, size)
+    none = np.isneginf(most).reshape(shape)
+    for one in found:
+        one[none] = one[:, :1].repeat(count, axis=1)[none]
+    with np.errstate(divide="ignore"):
+        return *found, np.where(none, NEVER, (most + np.log(sum_)).reshape(shape))
+
+
+def _gathered(terms: Floats, where: Rows, count: int) -> Floats:
+    """Sums of terms (m, ...) at their places, (count, ...), one after the other, so that they are those of `total`."""
+    each = terms.reshape(len(terms), -1)
+    places = where[:, None] * each.shape[1] + np.arange(each.shape[1])
+    found = np.bincount(places.ravel(), each.ravel(), count * each.shape[1])
+    return np.asarray(found, dtype=np.float64).reshape(count, *terms.shape[1:])
 
 
 def mixture(states: Floats, covariances: Floats, likelihood: Floats) -> tuple[Floats, Floats, Floats]:
@@ -42,7 +76,10 @@ def mixture(states: Floats, covariances: Floats, likelihood: Floats) -> tuple[Fl
     weight /= sum_[:, None]
     state = total(weight[:, :, None] * states)
     apart = states - state[:, None]
-    covariance = total(weight[:, :, None, None] * (covariances + outer(apart, apart)))
+    spread = outer(apart, apart)
+    spread += covariances
+    spread *= weight[:, :, None, None]
+    covariance = total(spread)
     return state, 0.5 * (covariance + covariance.swapaxes(1, 2)), most + np.log(sum_)
 
 
