@@ -84,6 +84,6 @@ def test_a_target_that_turns_is_held_where_agents_average(path, where, wrong):
 
 @pytest.mark.parametrize("key", ["filter.saturation=bounded", "filter.xi=2", "filter.kind=icf", "filter.defaults=17"])
 def test_where_the_scenario_asks_for_saturation_ranges_saturate(key):
-    assert Plan(load("tracking", [*CIRCLE, MANY]).scenario).settings.weighed == Untold(0.02, 5.0, XI)
+    assert Plan(load("tracking", [*CIRCLE, MANY]).scenario).settings.weighed == Untold(0.02, 5.0, XI, bursts=True)
     assert Plan(load("tracking", [*CIRCLE, MANY, key]).scenario).settings.weighed is None
     assert Plan(load("tracking", []).scenario).settings.weighed is None

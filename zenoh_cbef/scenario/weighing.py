@@ -49,7 +49,7 @@ def weighed_errors(scenario: Scenario, range_std: float, *, several: bool) -> Er
         return None
     if sensor.outlier_probability > 0.0:
         return Outliers(sensor.outlier_probability, sensor.outlier_scale)
-    return Untold.of(range_std, _XI[1]) if several and chosen.defaults > 17 else None
+    return Untold.of(range_std, _XI[1], bursts=chosen.defaults > 18) if several and chosen.defaults > 17 else None
 
 
 def widens(scenario: Scenario, *, power: int, wide: bool) -> bool:

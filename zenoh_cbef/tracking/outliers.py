@@ -8,6 +8,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.copying import replace
 
 UNTOLD = 0.02, 50.0
 """The share of ranges taken to be wrong where nothing is told of it, and by how much on average, in their noises."""
@@ -35,7 +36,17 @@ class Informed:
 
 
 class Errors(Protocol):
-    """How wrong ranges are distributed."""
+    """How wrong ranges are distributed.
+
+    bursts: whether agents learn how likely a range is wrong from those before it.
+    """
+
+    @property
+    def bursts(self) -> bool:
+        """See above."""
+
+    def among(self, wrong: Floats | None) -> Errors:
+        """The same, where a range is as likely wrong as that, (n,); None: as it is."""
 
     def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
         """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""
@@ -54,11 +65,16 @@ class Outliers:
     Between the two J may be below zero: the range leaves the distance less sure than it was. There U = 0, as what all
     agents add up has to stay positive definite.
 
-    share: p. mean: m, m.
+    share: p. mean: m, m. bursts: see `Errors`.
     """
 
-    share: float
+    share: float | Floats
     mean: float
+    bursts: bool = False
+
+    def among(self, wrong: Floats | None) -> Self:
+        """The same, where a range is as likely wrong as that, (n,); None: as it is."""
+        return self if wrong is None else replace(self, share=wrong)
 
     def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
         """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""
@@ -89,18 +105,23 @@ class Untold:
     one range's posterior, as those of `Outliers`, would not do: one that is right with 0.99 leaves a wide prior's
     variance times 0.01, far more than its noise, while all ranges of a step together leave no doubt.
 
-    share: p. size: m, m. xi: standard deviations of the innovation at which ranges saturate.
+    share: p. size: m, m. xi: standard deviations of the innovation at which ranges saturate. bursts: see `Errors`.
     """
 
-    share: float
+    share: float | Floats
     size: float
     xi: float
+    bursts: bool = False
 
     @classmethod
-    def of(cls, range_std: float, xi: float) -> Self:
+    def of(cls, range_std: float, xi: float, *, bursts: bool = False) -> Self:
         """Those of receivers with this noise, m."""
         share, noises = UNTOLD
-        return cls(share, noises * range_std, xi)
+        return cls(share, noises * range_std, xi, bursts)
+
+    def among(self, wrong: Floats | None) -> Self:
+        """The same, where a range is as likely wrong as that, (n,); None: as it is."""
+        return self if wrong is None else replace(self, share=wrong)
 
     def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
         """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""

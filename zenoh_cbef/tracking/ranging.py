@@ -25,7 +25,8 @@ class Measurement:
     at all. alike: (n,), the correlation of an error with those before it, from 0 on; None: not known. agent: (n,), the
     agents' numbers, None where those are no matter. few: (n,), which agents hear so few others that their ranges do not
     tell where the target is; None: none. overcounted: (n,), how often n times an agent's average counts a range that
-    the network has once; None: once. forgets: whether a first fix does without the ranges of earlier steps, too.
+    the network has once; None: once. forgets: whether a first fix does without the ranges of earlier steps, too. wrong:
+    (n,), how likely the own range is wrong, before it is heard; None: as the filter's settings say.
     """
 
     position: Floats
@@ -42,6 +43,7 @@ class Measurement:
     few: Bools | None = None
     overcounted: Floats | None = None
     forgets: bool = False
+    wrong: Floats | None = None
 
 
 def no_neighbours(agents: int) -> tuple[Floats, Floats]:

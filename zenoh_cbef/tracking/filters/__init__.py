@@ -12,6 +12,7 @@ import numpy as np
 from zenoh_cbef.plugins import Registry
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
+from zenoh_cbef.tracking.filters.around.bursts import Bursts
 from zenoh_cbef.tracking.filters.around.cut_off import CutOff
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
@@ -109,6 +110,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     if settings.plane:
         shared = replace(shared.longer(shared.payload_size + MirrorImages.more), blocks=shared.blocks * 2)
     more = (settings.recovers > 0.0) * Recovering.more + settings.distrusts * Distrusting.more
+    more += Bursts.wanted(settings) * Bursts.more
     more += (
         LastingErrors.numbers(settings)
         + DoubtedNoise.numbers(settings)
@@ -144,6 +146,8 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
         chosen = Recovering(chosen, settings.recovers)
     if settings.distrusts:
         chosen = Distrusting(chosen, settings.range_std, repeats=not settings.presumes)
+    if Bursts.wanted(settings):
+        chosen = Bursts(chosen, settings.space, settings.range_std)
     plain = not (settings.squares or settings.tells_ranges)
     if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and plain:
         chosen = Returning(chosen, settings.space, settings.range_std, newcomers=settings.cut_off > 0)

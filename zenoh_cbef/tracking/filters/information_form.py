@@ -91,9 +91,8 @@ def own_information(
     variance = variance_of(measurement, range_std)
     spread = _spread(row, covariance, variance)
     informs = informing(measurement, variance)
-    weighed = weigh(
-        innovation, spread, variance, measured, informs, xi=xi, power=power, widens=widens, outliers=outliers
-    )
+    errors = None if outliers is None else outliers.among(measurement.wrong)
+    weighed = weigh(innovation, spread, variance, measured, informs, xi=xi, power=power, widens=widens, outliers=errors)
     return RangeInformation(
         weighed.along(innovation + np.add.reduce(row * state, axis=1))[:, None] * row,
         weighed.precision[:, None, None] * (row[:, :, None] * row[:, None]),

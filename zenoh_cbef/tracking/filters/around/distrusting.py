@@ -9,6 +9,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.around.evidence import step
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.ranging import Measurement
@@ -69,7 +70,7 @@ class Distrusting(Wrapping):
         count = len(belief.state)
         ones, none = np.ones(count), np.zeros(count)
         before, network, latest, repeated = belief.memory or (ones, ones, none, none)
-        distrust = _step(before - np.maximum(network, 1.0))
+        distrust = step(before - np.maximum(network, 1.0), *EXCESS)
         heard = np.isfinite(measurement.range)
         repeated = np.where(measurement.range == latest, repeated + 1.0, np.where(heard, 0.0, repeated))
         latest = np.where(heard, measurement.range, latest)
@@ -97,9 +98,3 @@ def trusted_nis(told: Diagnostics, added: Floats) -> Floats:
     usable = told.nis > 0.0
     predicted = square / np.where(usable, told.nis, 1.0) - added
     return np.where(usable, square / np.where(usable, predicted, 1.0), told.nis)
-
-
-def _step(excess: Floats) -> Floats:
-    low, high = EXCESS
-    way = np.clip((excess - low) / (high - low), 0.0, 1.0)
-    return np.asarray(way * way * (3.0 - 2.0 * way))

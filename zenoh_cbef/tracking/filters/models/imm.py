@@ -124,7 +124,8 @@ class InteractingModels:
             state, covariance = part.kept
             distance, row = own_range(self.space, state, measurement.position, measurement.age)
             spread = np.sqrt(np.add.reduce(row * matvec(covariance, row), axis=1) + variance)
-            return self.outliers.informed(measurement.range - distance, spread, variance).cost
+            errors = self.outliers.among(measurement.wrong)
+            return errors.informed(measurement.range - distance, spread, variance).cost
         weight, square = told.weight, told.innovation**2
         if self.widens:
             spread = np.sqrt(square / np.where(told.nis > 0.0, told.nis, 1.0))
