@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 from collections import Counter
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -57,9 +58,23 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if has_processes(item.path):
             item.add_marker(pytest.mark.processes)
     if hasattr(config, "workerinput"):
-        # Files that wait long come first, and those that end a worker's work are short.
-        many = Counter(item.path for item in items)
-        items.sort(key=lambda item: (not is_long(item.path), not has_processes(item.path), -many[item.path]))
+        place = places([item.path for item in items])
+        items.sort(key=lambda item: place[item.path])
+
+
+def places(paths: Sequence[Path]) -> dict[Path, float]:
+    """Where the files of these tests come in the order of all.
+
+    What keeps a worker busy longest is first. Then files that wait and files that compute come by turns, as those
+    leave the processors to these, and of either those with many tests first: what ends a worker's work is short.
+    """
+    many = Counter(paths)
+    found = {path: -1.0 for path in many if is_long(path)}
+    for waits in (True, False):
+        alike = [path for path in many if path not in found and has_processes(path) is waits]
+        alike.sort(key=lambda path: -many[path])
+        found |= {path: place / len(alike) for place, path in enumerate(alike)}
+    return found
 
 
 def pytest_collection_finish() -> None:

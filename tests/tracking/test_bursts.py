@@ -160,6 +160,8 @@ def test_without_wrong_ranges_estimates_are_those_of_an_agent_that_learns_nothin
         simulate([load("tracking", [*CIRCLE, *MANY, f"filter.defaults={rules}"]).scenario], keep_payloads=True)[0]
         for rules in (18, 19)
     )
+    assert first.payloads is not None
+    assert second.payloads is not None
     assert second.payloads.shape[-1] == first.payloads.shape[-1] + 1
     np.testing.assert_allclose(first.estimates[:, 60:], second.estimates[:, 60:], rtol=0.0, atol=1e-9)
 

@@ -48,6 +48,12 @@ class Slots:
         ranges = np.where(there[:, :, 0], slots[:, :, 4], np.nan)
         return self.at(slots[:, :, 1:4], ranges, slots[:, :, 5], np.where(there[:, :, 0], slots[:, :, 6], 1.0) ** 2)
 
+    def own(self, measurement: Measurement) -> Heard:
+        """What an agent knows of its own range alone."""
+        noise = variance_of(measurement, self.range_std)
+        seen = measurement.position, measurement.range, measurement.age, noise
+        return self.at(*(one[:, None] for one in seen))
+
     def at(self, positions: Floats, ranges: Floats, age: Floats, variance: Floats) -> Heard:
         """Ranges of agents at positions (n, m, 3), by the estimated axes."""
         axes, height = self.space.axes, np.zeros_like(ranges)

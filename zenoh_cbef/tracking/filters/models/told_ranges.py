@@ -12,7 +12,7 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Sharing, Update
-from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged, variance_of
+from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged
 from zenoh_cbef.tracking.filters.models.abreast import Arrays, abreast
 from zenoh_cbef.tracking.filters.models.beginning import Beginning
 from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned
@@ -279,17 +279,17 @@ class ToldRanges:
         self, ahead: Floats, priors: list[Priors], new: Measurement, own: Rows, share_: Floats | None
     ) -> Diagnostics:
         """What is said of the own range, by the likeliest motion before it was heard; weight: whether it is right."""
-        noise = variance_of(new, self.range_std)
-        heard = self._slots.at(new.position[:, None], new.range[:, None], new.age[:, None], noise[:, None])
-        said: list[Diagnostics] = []
+        heard, said = self._slots.own(new), list[Diagnostics]()
         likely = self.switching.of_models(ahead)
+        likeliest = likely >= np.maximum.reduce(likely, axis=1)[:, None]
         for motion, (state, covariance, likelihood) in enumerate(priors):
+            if said and not likeliest[:, motion].any():
+                continue
             alone = mixture(state, covariance, likelihood)[:2] if self.splits else (state[:, 0], covariance[:, 0])
             first = self._centred(alone[0])[:, None], alone[1][:, None], np.zeros((len(state), 1))
             prior = Branches.of(first, self.space.axes, self._biases, share_, exact=self.exact)
             one = said_of(prior, heard, own, self.outliers)
-            likeliest = likely[:, motion] >= np.maximum.reduce(likely, axis=1)
-            said = [said[0].chosen(likeliest, one) if said else one]
+            said = [said[0].chosen(likeliest[:, motion], one) if said else one]
         return replace(said[0], maneuver=likely[:, -1].copy()) if len(self.motions) > 1 else said[0]
 
     def _centred(self, state: Floats, sign: float = 1.0) -> Floats:
