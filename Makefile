@@ -9,7 +9,7 @@ READY := .venv/.installed
 CORES ?= $(shell getconf _NPROCESSORS_ONLN)
 # Plug-ins that these tests do not use: each worker would import them, notebooks' with all of Jupyter.
 LEAN := -p no:nbmake -p no:anyio -p no:pytest_cov -p no:xdist.looponfail
-WORKERS ?= $(shell echo $$(($(CORES) + 1)))
+WORKERS ?= $(shell echo $$(($(CORES) + 2)))
 # Else each of the thousand processes of the tests would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -44,7 +44,7 @@ types: install  ## mypy, strict
 	$(BIN)/mypy
 
 # A file's tests stay with one worker, as they share runs.
-unit: install  ## all tests; one worker more than there are cores, as many tests wait
+unit: install  ## all tests; two workers more than there are cores, as many tests wait
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder || { [ $$? -eq 1 ] && $(BIN)/python -m tests.alone; }
 
 fast: install  ## the tests that start no process and simulate no long runs (a minute)

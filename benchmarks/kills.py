@@ -47,10 +47,13 @@ class Kill:
 
 
 class Kills:
-    """A run that does not begin, with a peer that sends events all the time, and recorders that are killed."""
+    """A run that does not begin, with a peer that sends events all the time, and recorders that are killed.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    pause: s, after each message; by default a recorder has as many as it can take.
+    """
+
+    def __init__(self, folder: Path, pause: float = _PAUSE) -> None:
+        self._folder, self._pause = folder, pause
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -96,7 +99,7 @@ class Kills:
         while time.monotonic() < until:
             sent.append((self._events.sent, time.monotonic()))
             self._events.send(kind="note", text="x" * 100)
-            time.sleep(_PAUSE)
+            time.sleep(self._pause)
 
     def _found(self, log: Path) -> set[int]:
         """The numbers of our messages that are in a log; none where there is no log yet."""

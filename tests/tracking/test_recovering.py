@@ -24,6 +24,10 @@ def within(outer):
     return outer.filter
 
 
+SATURATES = "filter.saturation=bounded"
+"""No agent weighs ranges by how likely they are right, and learns that."""
+
+
 def surprised(count):
     """A step of six agents of which `count` have a range 10 m too long, and one has none."""
     made = within(Plan(parse({"filter": {"recovery": True, "start": "given", "status": False}}, "test")).filter)
@@ -106,7 +110,9 @@ def test_widening_multiplies_the_state_and_leaves_the_biases():
 
 def test_widening_widens_all_motions_and_leaves_how_likely_they_are():
     made = within(
-        Plan(load("tracking", ["target.motion=circle", "filter.start=given", "filter.status=false"]).scenario).filter
+        Plan(
+            load("tracking", ["target.motion=circle", "filter.start=given", "filter.status=false", SATURATES]).scenario
+        ).filter
     )
     assert isinstance(made, InteractingModels)
     random, chance = np.random.default_rng(3), np.array([[0.1, 0.15, 0.05, 0.2, 0.1, 0.05, 0.15, 0.2]])
