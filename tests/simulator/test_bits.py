@@ -14,6 +14,7 @@ from zenoh_cbef.scenario.build import agent_tracker, fates_into, outgoing_of
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import heard_in, simulate
+from zenoh_cbef.tracking.filters.around.bursts import Bursts
 from zenoh_cbef.tracking.motion import MOTIONS
 from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
 
@@ -186,6 +187,21 @@ def test_noises_in_doubt_are_weighed_the_same_for_agents_on_their_own():
     doubting = scenario(3, filter={"kind": "sicf", "acceleration_std": 0.3}, fault=[LOSS], steps=8)
     assert Plan(doubting).noises
     assert_agents_on_their_own_compute(doubting)
+
+
+def test_what_agents_learn_of_bursts_is_the_same_for_agents_on_their_own_and_in_parts(monkeypatch):
+    burst = {"kind": "sensor-spikes", "probability": 0.8, "agents": [1], "from": 2.5, "until": 4.0}
+    keys = {
+        "agents": {"low": -10.0, "high": 10.0},
+        "target": {"motion": "circle", "position": [0.0, 0.0, 0.0], "radius": 5.0, "period": 8.0},
+        "fault": [burst, LOSS],
+        "steps": 40,
+    }
+    (learns, trusts) = (scenario(3, filter={"kind": "sicf", "defaults": rules}, **keys) for rules in (19, 18))
+    assert Bursts.wanted(Plan(learns).settings)
+    assert not np.array_equal(*(simulate([one])[0].diagnostics.weight[1] for one in (learns, trusts)), equal_nan=True)
+    assert_agents_on_their_own_compute(learns)
+    assert_same_in_parts(learns, monkeypatch)
 
 
 @pytest.mark.parametrize("filter_", [{"kind": "sicf"}, {"kind": "icf", "motion": "imm"}])
