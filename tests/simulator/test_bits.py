@@ -199,7 +199,8 @@ def test_what_agents_learn_of_bursts_is_the_same_for_agents_on_their_own_and_in_
     }
     (learns, trusts) = (scenario(3, filter={"kind": "sicf", "defaults": rules}, **keys) for rules in (19, 18))
     assert Bursts.wanted(Plan(learns).settings)
-    assert not np.array_equal(*(simulate([one])[0].diagnostics.weight[1] for one in (learns, trusts)), equal_nan=True)
+    first, second = (simulate([one])[0].diagnostics.weight[1] for one in (learns, trusts))
+    assert not np.array_equal(first, second, equal_nan=True)
     assert_agents_on_their_own_compute(learns)
     assert_same_in_parts(learns, monkeypatch)
 

@@ -250,3 +250,18 @@ def test_a_step_that_too_many_agents_deny_proves_nothing():
         return float(after.heard[0])
 
     assert [fitted(0.0, whole=True), fitted(9.0, whole=True), fitted(9.0, whole=False)] == [4.0, 0.0, 3.0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("rules", "sure"), [(18, True), (19, False)])
+def test_agents_that_come_back_do_not_track_where_they_do_not_agree(rules, sure):
+    """Four of five agents are near one plane, and hold on to a mirror image that only the fifth one's range denies."""
+    crash = 'fault=[{kind="crash",agents=[1,2],from=5.0,until=9.0}]'
+    corners = "target.waypoints=[[-9,0,0],[0,9,2],[9,0,0],[0,-9,2],[-9,0,0]]"
+    keys = "agents.count=5", crash, "target.motion=waypoints", "target.speed=8", corners, f"filter.defaults={rules}"
+    (trace,) = simulate([load("tracking", [*keys, "seed=1021", "steps=125"]).scenario])
+    said, off = trace.diagnostics.status[:, 88:], np.linalg.norm((trace.estimates - trace.truth)[:, 88:, :3], axis=2)
+    assert (said[off > 5.0] == TRACKING).any() == sure
+    # They agree in the end, and then track again.
+    assert off[:, 15:].max() < 0.5
+    assert (said[:, -5:] == TRACKING).all()

@@ -246,6 +246,7 @@ class Filtering(Meant):
             returns=chosen.defaults > 3,
             says_status=chosen.status and able.information,
             judges_agents=chosen.status_rules > 1,
+            compares=tells and bool(self.models) and chosen.defaults > 18,
             hearing=self.settling_steps * network.counts_hearers(scenario),
             calls_roll=network.calls_roll(scenario),
             rounds=scenario.consensus.rounds,

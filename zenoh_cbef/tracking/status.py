@@ -177,7 +177,7 @@ class Status:
         """Whether an agent's own ranges do not fit, (n,)."""
         return np.asarray(self.own > WRONG)
 
-    def told(self, rows: Bools, which: float, former: Self, dt: float) -> Self:
+    def told(self, rows: Bools, which: float | Floats, former: Self, dt: float) -> Self:
         """The same, but that some agents (n,) say something else. former: the status a step of dt (s) ago."""
         said = np.where(rows, which, self.which)
         return replace(self, which=said, seconds=np.where(said == former.which, former.seconds + dt, 0.0))

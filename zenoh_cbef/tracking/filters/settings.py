@@ -157,6 +157,8 @@ class FilterSettings:
     """Whether they count them by a number for each, or by one alone."""
     hearers_count: bool = False
     """Whether those alone make up a plane and judge a place, and ranges count less where they are too few."""
+    compares: bool = False
+    """Whether agents that tell each other their ranges track only where they predict what the others do."""
     undetermined: bool = False
     """Whether the agents' places leave open where the target is, so that they never say that they track it."""
     sides: bool = False

@@ -16,10 +16,13 @@ from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement, own_range
-from zenoh_cbef.tracking.status import ACQUIRING, CUT, LOST, TRACKING, WRONG, Status, most_misfit, wrong_among
+from zenoh_cbef.tracking.status import ACQUIRING, COASTING, CUT, LOST, TRACKING, WRONG, Status, most_misfit, wrong_among
 
 _UNLIKELY = 4.0
 """How many of its prior standard deviations a bias is off that explains nothing."""
+
+_APART = 3.0
+"""How many of its claimed errors an agent is off the mean of all where they do not agree."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,10 @@ class Knowing(Wrapping):
     Where receivers may fall silent, agents count those that have heard the target lately (see `Hearers`): ranges of
     fewer agents than the target has axes fit a whole curve, and a filter that takes them in is soon too sure of one
     point.
+
+    Agents that tell each other their ranges begin a payload with what each predicts, so its average is the mean of all.
+    One that is far off the mean for what it claims (settings.compares) does not say that it tracks: agents that were
+    cut off from each other may hold on to places that fit all ranges but those of one, and be sure of them.
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as
@@ -115,6 +122,18 @@ class Knowing(Wrapping):
             enough=None if hear is None else hear > axes - 0.5,
             proves=settings.proves,
         )
+        if settings.compares:
+            away = payload[:, :axes] - update.payload[:, :axes]
+            apart = np.add.reduce(away * away, axis=1) > _APART**2 * variance
+            which = np.where(former.which == ACQUIRING, ACQUIRING, COASTING)
+            status = status.told(apart & (status.which == TRACKING), which, former, dt)
+        status = self._undecided(status, former, inner)
+        memory = hearers.memory(hearing, former.unheard < settings.hearing) if settings.hearing else ()
+        return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status, excess=inner.excess)
+
+    def _undecided(self, status: Status, former: Status, inner: Belief) -> Status:
+        """What agents say that do not know which of several places the target is at. former: a step ago."""
+        settings, dt = self.settings, self.settings.motion.dt
         if settings.undetermined:
             status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
         if settings.plane:
@@ -123,8 +142,7 @@ class Knowing(Wrapping):
         if settings.seeks:
             rows = denied(self.filter, inner) & (status.which == TRACKING)
             status = status.told(rows, ACQUIRING, former, dt)
-        memory = hearers.memory(hearing, former.unheard < settings.hearing) if settings.hearing else ()
-        return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status, excess=inner.excess)
+        return status
 
     def _explains_nothing(self, bias: Bias, state: Floats, measurement: Measurement) -> Bools:
         """Which agents (n,) rely on a bias far beyond its prior."""
