@@ -289,6 +289,7 @@ def test_the_likeliest_of_many_stay_as_if_each_had_branched_alone(distance):
         np.testing.assert_array_equal(stay.mean[agent], mean[agent, best])
         np.testing.assert_array_equal(stay.covariance[agent], covariance[agent, best])
         np.testing.assert_array_equal(stay.wrong[agent], wrong[agent, best])
+    assert stay.wrong.max() == np.isfinite(distance)
 
 
 def test_a_range_that_is_missing_says_nothing():

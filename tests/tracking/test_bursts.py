@@ -66,6 +66,8 @@ def errors_of(agent, steps=40):
 def test_every_step_is_what_the_equations_say_of_each_agent():
     errors = errors_of(2)
     errors[[9, 24], 2] = errors[22, 3] = np.nan
+    # Of ranges that are a little off none is surely wrong.
+    errors[14:30, 4], errors[17:19, 4] = 0.9, np.nan
     usual, highest = log(3.0), 0.0
     sizes, before, averages = [usual] * AGENTS, [usual] * AGENTS, [usual] * AGENTS
     known: list[list[float]] = [[] for _ in range(AGENTS)]
