@@ -255,7 +255,7 @@ def test_a_step_that_too_many_agents_deny_proves_nothing():
 @pytest.mark.slow
 @pytest.mark.parametrize(("rules", "sure"), [(18, True), (19, False)])
 def test_agents_that_come_back_do_not_track_where_they_do_not_agree(rules, sure):
-    """Four of five agents are near one plane, and hold on to a mirror image that only the fifth one's range denies."""
+    """Two of five hold on to a place that fits three ranges, and take the two others, 4 and 6 m off, for wrong."""
     crash = 'fault=[{kind="crash",agents=[1,2],from=5.0,until=9.0}]'
     corners = "target.waypoints=[[-9,0,0],[0,9,2],[9,0,0],[0,-9,2],[-9,0,0]]"
     keys = "agents.count=5", crash, "target.motion=waypoints", "target.speed=8", corners, f"filter.defaults={rules}"

@@ -42,7 +42,7 @@ class Knowing(Wrapping):
 
     Agents that tell each other their ranges begin a payload with what each predicts, so its average is the mean of all.
     One that is far off the mean for what it claims (settings.compares) does not say that it tracks: agents that were
-    cut off from each other may hold on to places that fit all ranges but those of one, and be sure of them.
+    cut off from each other may hold on to a place that fits three ranges, and take the others for wrong.
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as
