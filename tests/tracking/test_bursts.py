@@ -7,6 +7,7 @@ from math import log
 import numpy as np
 import pytest
 
+from tests.tracking.resting import AGENTS, MOTION, PLACES, STD, measured
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
@@ -14,19 +15,11 @@ from zenoh_cbef.simulator import Heard, heard_in, simulate
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.bursts import Bursts
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.outliers import Untold
 from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
-MOTION, STD, AGENTS = NearlyConstantVelocity(0.1, 0.5), 0.1, 6
 PLAIN = SaturatedInformation(MOTION, Space(), STD, AGENTS, 1.5, outliers=Untold.of(STD, 1.5, bursts=True))
-PLACES = np.random.default_rng(4).uniform(-10.0, 10.0, (AGENTS, 3))
 BEGIN = Belief(np.zeros((AGENTS, 6)), np.tile(0.01 * np.eye(6), (AGENTS, 1, 1)))
-
-
-def measured(errors, seed):
-    ranges = np.linalg.norm(PLACES, axis=1) + np.random.default_rng(seed).normal(0.0, STD, AGENTS) + errors
-    return Measurement(PLACES, ranges, np.zeros(AGENTS), *no_neighbours(AGENTS))
 
 
 def steps_of(errors, *, hear=True):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from tests.tracking.resting import AGENTS, MOTION, PLACES, STD, measured
 from tests.unaided import errors
 from zenoh_cbef.analysis.metrics import analyze
 from zenoh_cbef.analysis.report import write_report
@@ -21,18 +22,10 @@ from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
 from zenoh_cbef.tracking.filters.around.distrusting import REPEATS, Distrusting
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
-from zenoh_cbef.tracking.motion import NearlyConstantVelocity
-from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
+from zenoh_cbef.tracking.ranging import Measurement, Space
 
-MOTION, STD, AGENTS = NearlyConstantVelocity(0.1, 0.5), 0.1, 6
 PLAIN = SaturatedInformation(MOTION, Space(), STD, AGENTS, 1.5)
-PLACES = np.random.default_rng(4).uniform(-10.0, 10.0, (AGENTS, 3))
 BEGIN = Belief(np.zeros((AGENTS, 6)), np.tile(0.25 * np.eye(6), (AGENTS, 1, 1)))
-
-
-def measured(errors, seed):
-    ranges = np.linalg.norm(PLACES, axis=1) + np.random.default_rng(seed).normal(0.0, STD, AGENTS) + errors
-    return Measurement(PLACES, ranges, np.zeros(AGENTS), *no_neighbours(AGENTS))
 
 
 def updates(errors, *, hear=True):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
@@ -35,25 +36,23 @@ class Informed:
         return self.precision * noise
 
 
-class Errors(Protocol):
-    """How wrong ranges are distributed.
+@dataclass(frozen=True)
+class Errors(ABC):
+    """How wrong ranges are distributed. share: how many are wrong, or for each agent how likely its range is, (n,)."""
 
-    bursts: whether agents learn how likely a range is wrong from those before it.
-    """
+    share: float | Floats
 
-    @property
-    def bursts(self) -> bool:
-        """See above."""
-
-    def among(self, wrong: Floats | None) -> Errors:
+    def among(self, wrong: Floats | None) -> Self:
         """The same, where a range is as likely wrong as that, (n,); None: as it is."""
+        return self if wrong is None else replace(self, share=wrong)
 
+    @abstractmethod
     def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
         """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""
 
 
 @dataclass(frozen=True)
-class Outliers:
+class Outliers(Errors):
     """A share p of all ranges that is too long by exponential errors of mean m, of which a scenario tells.
 
         f(z) = (1 - p) N(z; 0, S) + p w(z),      w = N(0, S) + an exponential error of mean m,   S = H P H^T + sigma^2
@@ -65,16 +64,10 @@ class Outliers:
     Between the two J may be below zero: the range leaves the distance less sure than it was. There U = 0, as what all
     agents add up has to stay positive definite.
 
-    share: p. mean: m, m. bursts: see `Errors`.
+    share: p. mean: m, m.
     """
 
-    share: float | Floats
     mean: float
-    bursts: bool = False
-
-    def among(self, wrong: Floats | None) -> Self:
-        """The same, where a range is as likely wrong as that, (n,); None: as it is."""
-        return self if wrong is None else replace(self, share=wrong)
 
     def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
         """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""
@@ -93,7 +86,7 @@ class Outliers:
 
 
 @dataclass(frozen=True)
-class Untold:
+class Untold(Errors):
     """A few ranges are wrong, by errors of some size m and either sign, of which a scenario says nothing.
 
         R = sigma^2 max(1, |z|/(xi sqrt S))      a range that saturates has so much noise,  S = C + sigma^2
@@ -105,10 +98,10 @@ class Untold:
     one range's posterior, as those of `Outliers`, would not do: one that is right with 0.99 leaves a wide prior's
     variance times 0.01, far more than its noise, while all ranges of a step together leave no doubt.
 
-    share: p. size: m, m. xi: standard deviations of the innovation at which ranges saturate. bursts: see `Errors`.
+    share: p. size: m, m. xi: standard deviations of the innovation at which ranges saturate. bursts: whether agents
+    learn how likely a range is wrong, from those before it.
     """
 
-    share: float | Floats
     size: float
     xi: float
     bursts: bool = False
@@ -118,10 +111,6 @@ class Untold:
         """Those of receivers with this noise, m."""
         share, noises = UNTOLD
         return cls(share, noises * range_std, xi, bursts)
-
-    def among(self, wrong: Floats | None) -> Self:
-        """The same, where a range is as likely wrong as that, (n,); None: as it is."""
-        return self if wrong is None else replace(self, share=wrong)
 
     def informed(self, innovation: Floats, spread: Floats, noise: Floats) -> Informed:
         """Of ranges with innovations (m) of a predicted standard deviation (m), with the noise's variance (m^2)."""

@@ -110,9 +110,9 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     if settings.plane:
         shared = replace(shared.longer(shared.payload_size + MirrorImages.more), blocks=shared.blocks * 2)
     more = (settings.recovers > 0.0) * Recovering.more + settings.distrusts * Distrusting.more
-    more += Bursts.wanted(settings) * Bursts.more
     more += (
-        LastingErrors.numbers(settings)
+        Bursts.wanted(settings) * Bursts.more
+        + LastingErrors.numbers(settings)
         + DoubtedNoise.numbers(settings)
         + settings.says_status * Knowing.numbers(settings)
         + (settings.reacquires > 0) * Reacquiring.more

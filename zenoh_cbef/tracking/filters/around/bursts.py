@@ -8,11 +8,12 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.filters.around.distrusting import KEPT
 from zenoh_cbef.tracking.filters.around.evidence import step
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.outliers import UNTOLD
+from zenoh_cbef.tracking.outliers import UNTOLD, Untold
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 _USUAL = np.log(3.0)
@@ -20,9 +21,6 @@ _USUAL = np.log(3.0)
 
 _STANDS_OUT = np.log(2.0), np.log(4.0)
 """By how much that logarithm is above the network's for a range to begin to be wrong, and to be wrong for sure."""
-
-_KEPT = 0.9
-"""How much of an agent's distance from the network's average is kept from step to step."""
 
 _RANGES = 50.0
 """How many ranges after right ones an agent remembers."""
@@ -68,7 +66,7 @@ class Bursts(Wrapping):
     def wanted(cls, settings: FilterSettings) -> bool:
         """Whether agents average what several motions say, and weigh ranges by errors that come in bursts."""
         averages = bool(settings.models) and not settings.tells_ranges
-        return averages and settings.weighed is not None and settings.weighed.bursts
+        return averages and isinstance(settings.weighed, Untold) and settings.weighed.bursts
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """The filter's update with how likely the range is wrong, and the number."""
@@ -79,7 +77,7 @@ class Bursts(Wrapping):
         wrong = step(size - network, *_STANDS_OUT)
         share = (1.0 - wrong) * np.maximum(rare, _LEAST) + wrong * (1.0 + again) / (2.0 + count)
         update = self.filter.update(inner, replace(measurement, wrong=np.clip(share, _LEAST, _MOST)))
-        number = size + _KEPT * (network - before)
+        number = size + KEPT * (network - before)
         payload = np.concatenate([update.payload, number[:, None]], axis=1)
         std = none + self.range_std if measurement.range_std is None else measurement.range_std
         seen = measurement.position, measurement.range, measurement.age, std
