@@ -36,12 +36,12 @@ def sure(states):
 
 def contested(guess, truth, steps, errors):
     """What is known after so many steps of a target at rest, and the mean place after each."""
-    contest, counts = Contest(3, None), uncounted(len(guess))
+    contest, counts, agree = Contest(3, None), uncounted(len(guess)), np.zeros(len(guess), dtype=bool)
     priors, found = sure(guess), []
     for step in range(steps):
         holds, rises = (Branches.of(half, 3, None, share(counts)) for half in contest.halves(priors))
         new = heard_of(truth, errors[step])
-        whole, (*later, counts) = contest.after(holds, rises, anywhere(len(guess)), new, counts)
+        whole, (*later, counts) = contest.after(holds, rises, anywhere(len(guess)), new, counts, off=agree)
         state, covariance, likelihood = later
         priors = state, covariance + 1e-4 * np.eye(6), likelihood
         found.append(whole.merged()[0][:, :3])

@@ -80,6 +80,38 @@ def test_a_group_counts_its_ranges_once_each(five):
         np.testing.assert_allclose(after.known_covariance[group], np.tile(alone, (len(group), 1, 1)), rtol=1e-9)
 
 
+@pytest.mark.parametrize("bend", [None, 20.0, 100.0])
+def test_an_agent_alone_takes_in_its_range_as_far_as_it_is_straight(five, bend):
+    """By earlier rules (None) it goes on by prediction."""
+    settings = replace(five.settings, alone_bend=bend)
+    chosen = CutOff(SaturatedInformation.of(settings), settings)
+    belief, alone = begun(), 4
+    for _ in range(6):
+        belief = step(chosen, belief, ([0, 1, 2, 3], [alone]))
+    after = step(chosen, belief, ([0, 1, 2, 3], [alone]))
+    motion, space = settings.motion, settings.space
+    state = motion.predict_state(belief.state)[alone : alone + 1]
+    prior = motion.predict_covariance(belief.known_covariance, belief.state)[alone]
+    _, row = own_range(space, state, PLACES[[alone]], np.zeros(1))
+    distance, before = own_range(space, belief.state[[alone]], PLACES[[alone]], np.zeros(1))
+    across = np.eye(2) - np.outer(before[0, :2], before[0, :2])
+    curved = across @ belief.known_covariance[alone, :2, :2] / distance
+    noise = settings.range_std**2 + (bend or np.inf) * 0.5 * np.trace(curved @ curved)
+    expected = prior - np.outer(prior @ row[0], row[0] @ prior) / (row[0] @ prior @ row[0] + noise)
+    np.testing.assert_allclose(after.known_covariance[alone], expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("seed", "alone"), [(1006, 0), (1017, 2)])
+def test_an_agent_that_only_a_liar_links_stays_nearer_by_its_own_ranges(seed, alone):
+    keys = [f"seed={seed}", 'fault=[{kind="byzantine",mode="constant",magnitude=5.0,agents=[3]}]']
+    errors = []
+    for more in ([], ["filter.defaults=19"]):
+        (trace,) = simulate([load("tracking", [*keys, *more]).scenario])
+        errors.append(np.sqrt(np.mean((trace.estimates - trace.truth)[alone, 75:, :3] ** 2) * 3.0))
+        assert not (trace.diagnostics.status[alone] == TRACKING).any()
+    assert errors[0] < 0.8 * errors[1]
+
+
 def test_all_together_estimate_what_they_would_without_it(five):
     belief, plain = begun(), begun()
     for _ in range(4):

@@ -100,9 +100,14 @@ class Fault(BaseModel):
 
 
 class MessageFault(Fault):
-    """A fault of messages on some directed links. cuts: nothing at all gets through while it is on."""
+    """A fault of messages on some directed links. cuts: nothing at all gets through while it is on, nor a question."""
 
     cuts: ClassVar[bool] = False
+
+    @property
+    def loses_all(self) -> bool:
+        """Whether no message gets through while it is on."""
+        return self.cuts
 
     def selects(self, source: Ids, destination: Ids) -> Bools:
         """Which directed links (e,) the fault is on."""

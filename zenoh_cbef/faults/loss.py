@@ -14,6 +14,11 @@ class Loss(LinkFault):
     kind: Literal["loss"]
     probability: Probability
 
+    @property
+    def loses_all(self) -> bool:
+        """Whether no message gets through while it is on."""
+        return self.probability == 1.0
+
     def effect(self, messages: Messages, index: int) -> Effect:
         """Lost where a uniform draw falls below the probability."""
         return Effect(lost=messages.uniform(f"loss/{index}") < self.probability)

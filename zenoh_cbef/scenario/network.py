@@ -59,8 +59,9 @@ def calls_roll(scenario: Scenario) -> bool:
 
 
 def parts(scenario: Scenario) -> bool:
-    """Whether faults, or the way between agents, may part the network."""
-    return any(isinstance(fault, MessageFault) and fault.cuts for fault in scenario.fault) or by_radio(scenario)
+    """Whether faults, or the way between agents, may part the network; by the nineteenth rules loss never does."""
+    faults = [fault for fault in scenario.fault if isinstance(fault, MessageFault)]
+    return any(one.loses_all if scenario.filter.defaults > 19 else one.cuts for one in faults) or by_radio(scenario)
 
 
 def counts_hearers(scenario: Scenario) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.faults import Fault, SenderFault, SensorBias, SensorDropout, SensorFault, SensorSpikes, SensorStuck
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
+from zenoh_cbef.tracking.filters.around.returning import ALONE_BEND, FEW_BEND
 from zenoh_cbef.tracking.filters.models import joint_biases
 
 _SHOWS = 6.0
@@ -38,6 +39,13 @@ def presumes(scenario: Scenario) -> bool:
     Errors of real ranges last, and a target at rest repeats them.
     """
     return scenario.filter.defaults < 12 or real(scenario)
+
+
+def alone_bend(scenario: Scenario) -> float | None:
+    """How many times the variance of its bend an agent's range has more while it is alone; None: it only predicts."""
+    if presumes(scenario):
+        return FEW_BEND
+    return ALONE_BEND if scenario.filter.defaults > 19 else None
 
 
 def proves(scenario: Scenario) -> bool:

@@ -29,15 +29,15 @@ class CutOff(Wrapping):
 
     A group of fewer agents than there are axes cannot tell where the target is. What it does not see drifts, and with
     it the directions of its ranges, each of which then seems to tell of more than it does. So the variance of such a
-    range has twenty times what linearising leaves out (see `Returning`), and such ranges do not count for the status:
-    the group coasts. Of a target that turns, the group knows too little even so: it goes on by prediction, as an agent
-    does that hears no neighbour.
+    range has twenty times what linearising leaves out (see `Returning`), an agent's that is alone a hundred times
+    (settings.alone_bend), and such ranges do not count for the status: the group coasts. Of a target that turns, the
+    group knows too little even so: it goes on by prediction.
 
     Agents that tell each other their ranges count each once anyway, and of a few ranges they keep many hypotheses
     (settings.splits): then the number only tells the status.
 
-    By the eleventh rules (settings.presumes) agents took all others to be there before the first step, and one that
-    heard no neighbour counted its range once.
+    By the eleventh rules (settings.presumes) agents took all others to be there before the first step. From the twelfth
+    to the nineteenth (no settings.alone_bend) one that heard no neighbour went on by prediction.
     """
 
     settings: FilterSettings
@@ -56,7 +56,8 @@ class CutOff(Wrapping):
         if np.count_nonzero(few):
             if not self.settings.splits:
                 heard = self.settings.space, inner, measurement, self.settings.range_std
-                measurement = widened(few, *heard, times=FEW_BEND)
+                times = np.where(self._alone(share), self.settings.alone_bend or FEW_BEND, FEW_BEND)
+                measurement = widened(few, *heard, times=times)
             measurement = replace(measurement, few=few)
         update = self.filter.update(inner, measurement)
         nothing = replace(unheard(measurement), forgets=self.settings.joins_fix)
@@ -77,7 +78,8 @@ class CutOff(Wrapping):
         share = np.maximum(share, there)
         if np.count_nonzero(share < 1.0) and not self.settings.splits:
             part = share[:, None]
-            predicts = self._few(share) if self.settings.models else share * agents < 1.5 - self.settings.presumes
+            alone = self._alone(share) & (self.settings.alone_bend is None)
+            predicts = self._few(share) if self.settings.models else alone
             mixed = np.where(part < 1.0, part * mixed + (1.0 - part) * quiet, mixed)
             mixed = np.where(predicts[:, None], before.payload, mixed)
         inner = self.filter.conclude(mixed, before)
@@ -88,3 +90,7 @@ class CutOff(Wrapping):
     def _few(self, share: Floats) -> Bools:
         """Which agents (n,) are in a group of fewer than there are axes; share: of all agents, (n,)."""
         return np.asarray(share * self.settings.network_size < self.settings.space.axes - 0.5)
+
+    def _alone(self, share: Floats) -> Bools:
+        """Which agents (n,) are in no group."""
+        return np.asarray(share * self.settings.network_size < 1.5)

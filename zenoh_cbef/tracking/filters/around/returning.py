@@ -15,6 +15,8 @@ from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 FEW_BEND = 20.0
 """How many times the variance that linearising leaves out few agents add, as their errors last from step to step."""
+ALONE_BEND = 100.0
+"""The same of an agent that is alone, whose errors last longer."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +58,17 @@ class Returning(Wrapping):
 
 
 def widened(
-    rows: Bools, space: Space, belief: Belief, measurement: Measurement, range_std: float, *, times: float = 1.0
+    rows: Bools,
+    space: Space,
+    belief: Belief,
+    measurement: Measurement,
+    range_std: float,
+    *,
+    times: Floats | float = 1.0,
 ) -> Measurement:
     """A measurement of which the ranges in some rows (n,) have so many times the variance of their bend more.
 
-    range_std: m, where a measurement does not say otherwise.
+    range_std: m, where a measurement does not say otherwise. times: (n,), or one number.
     """
     if not rows.nonzero()[0].size:
         return measurement

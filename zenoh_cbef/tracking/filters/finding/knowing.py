@@ -14,15 +14,13 @@ from zenoh_cbef.tracking.filters.around.returning import FEW_BEND, widened
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
+from zenoh_cbef.tracking.filters.models.contending import apart
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.ranging import Measurement, own_range
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, CUT, LOST, TRACKING, WRONG, Status, most_misfit, wrong_among
 
 _UNLIKELY = 4.0
 """How many of its prior standard deviations a bias is off that explains nothing."""
-
-_APART = 3.0
-"""How many of its claimed errors an agent is off the mean of all where they do not agree."""
 
 
 @dataclass(frozen=True)
@@ -123,10 +121,9 @@ class Knowing(Wrapping):
             proves=settings.proves,
         )
         if settings.compares:
-            away = payload[:, :axes] - update.payload[:, :axes]
-            apart = np.add.reduce(away * away, axis=1) > _APART**2 * variance
+            off = apart(payload[:, :axes] - update.payload[:, :axes], covariance, axes)
             which = np.where(former.which == ACQUIRING, ACQUIRING, COASTING)
-            status = status.told(apart & (status.which == TRACKING), which, former, dt)
+            status = status.told(off & (status.which == TRACKING), which, former, dt)
         status = self._undecided(status, former, inner)
         memory = hearers.memory(hearing, former.unheard < settings.hearing) if settings.hearing else ()
         return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status, excess=inner.excess)

@@ -28,6 +28,9 @@ _FIRST = 10.0
 _ELSEWHERE = float(np.log(1e-12))
 """How likely it is in a step that the target is where no hypothesis has it: a step of wrong ranges is likelier."""
 
+_APART = 3.0
+"""How many of its claimed errors an agent is off the mean of all where they do not agree."""
+
 Contenders = tuple[Floats, Floats, Floats, Floats]
 """Priors, of which the first half hold and the others rise, and what was counted, (n, 2)."""
 
@@ -39,7 +42,9 @@ class Contest:
     Both take in all ranges, but apart: variants of what holds would leave no room for others among the likeliest. The
     likelihoods of both are kept, so that a hypothesis which once fits better than what holds by the chance of its birth
     takes over. A network is in doubt before it has heard enough, and while more ranges are wrong than the scenario
-    tells, or than half. Where it tells nothing, the share of wrong ranges is learned.
+    tells, or than half. Where it tells nothing, the share of wrong ranges is learned. An agent is in doubt, too, while
+    it is off the mean of all (see `apart`): agents that were cut off from each other may come back with two places, and
+    to each half the ranges of the others are wrong for long before that is more than usual.
 
     axes: of the position. outliers: see branching.py. splits: whether hypotheses follow the bend of ranges, so that
     more of them stay, and nearer to each other.
@@ -64,13 +69,14 @@ class Contest:
         )
 
     def after(
-        self, holds: Branches, rises: Branches, elsewhere: Priors, heard: Heard, counts: Floats
+        self, holds: Branches, rises: Branches, elsewhere: Priors, heard: Heard, counts: Floats, *, off: Bools
     ) -> tuple[Branches, Contenders]:
         """All branches after the ranges, and what the next step begins with.
 
-        elsewhere: where the target may be otherwise, one prior of each agent. counts: (n, 2), before.
+        elsewhere: where the target may be otherwise, one prior of each agent. counts: (n, 2), before. off: (n,), which
+        agents are off the mean of all.
         """
-        doubts = self._doubts(counts)
+        doubts = self._doubts(counts) | off
         whole = holds = tied(conditioned(holds, heard, self.outliers), heard)
         if doubts.any():
             known, place = (self.axes, holds.biases, holds.share), (*elsewhere[:2], elsewhere[2] + _ELSEWHERE)
@@ -112,6 +118,19 @@ class Contest:
         fades, begun = np.exp(-there / _MEMORY)[:, None], np.array(_BEGUN)
         after = begun + fades * (counts - begun) + np.stack([whole.wrong_ranges, there], axis=1)
         return np.asarray(np.where(over[:, None], begun, after))
+
+
+def apart(away: Floats, covariance: Floats, axes: int) -> Bools:
+    """Which agents (n,) are off the mean of all by more than they claim.
+
+    away: from it, (n, s), of which the position counts, m. covariance: of each, (n, s, s).
+
+    Agents that tell each other their ranges compute the same from them, so they agree but where some were cut off.
+    """
+    variance = covariance[:, 0, 0]
+    for axis in range(1, axes):
+        variance = variance + covariance[:, axis, axis]
+    return np.asarray(np.add.reduce(away[:, :axes] ** 2, axis=1) > _APART**2 * variance)
 
 
 def uncounted(count: int) -> Floats:

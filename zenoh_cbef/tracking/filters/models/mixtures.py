@@ -8,12 +8,25 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.linalg import matvec, outer, raw_inverse
+from zenoh_cbef.tracking.motion import Motion, beside_constants, linear
 
 Priors = tuple[Floats, Floats, Floats]
 """k states (n, k, s) and covariances (n, k, s, s), and logarithms of how likely they are, (n, k)."""
 
 NEVER = -1e9
 """Logarithm of a likelihood that counts for nothing."""
+
+
+def predicted(motion: Motion, whole: Priors, beside: int) -> Priors:
+    """The same a step later. beside: how many constants stand beside the motion's state, which then is linear."""
+    state, covariance, likelihood = whole
+    states, covariances = state.reshape(-1, state.shape[2]), covariance.reshape(-1, *covariance.shape[2:])
+    if beside:
+        transition, noise = beside_constants(linear(motion), beside)
+        ahead, spread = matvec(transition, states), transition @ covariances @ transition.T + noise
+    else:
+        ahead, spread = motion.predict_state(states), motion.predict_covariance(covariances, states)
+    return ahead.reshape(state.shape), spread.reshape(covariance.shape), likelihood
 
 
 def distinct(whole: Priors, count: int, near: float | None = None) -> Priors:

@@ -16,16 +16,15 @@ from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged
 from zenoh_cbef.tracking.filters.models.abreast import Arrays, abreast
 from zenoh_cbef.tracking.filters.models.beginning import Beginning
 from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned
-from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
-from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, elsewhere, mixture
+from zenoh_cbef.tracking.filters.models.contending import Contest, apart, share, uncounted
+from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, elsewhere, mixture, predicted
 from zenoh_cbef.tracking.filters.models.own_range import about_target, said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
 from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
 from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import Rows, picked
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.linalg import matvec
-from zenoh_cbef.tracking.motion import Motion, beside_constants, linear
+from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.switching import Switching
 
@@ -56,7 +55,7 @@ class ToldRanges:
     wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges bend, of which
     several stay then (splitting.py); 0: none. least: ranges below it, m, are none. ties: see tying.py. exact: see
     branching.py. agrees: whether agents agree on the mean of their guesses before they predict it: a motion that is not
-    linear leaves each of them another covariance otherwise.
+    linear leaves each of them another covariance otherwise. compares: see contending.py.
     """
 
     motions: tuple[Motion, ...]
@@ -75,6 +74,7 @@ class ToldRanges:
     ties: bool = False
     exact: bool = False
     agrees: bool = False
+    compares: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -102,6 +102,7 @@ class ToldRanges:
             ties=settings.ties,
             exact=settings.exact,
             agrees=settings.agrees,
+            compares=settings.compares,
         )
 
     @property
@@ -140,7 +141,9 @@ class ToldRanges:
         """The estimate from all ranges that came; of an agent that heard no neighbour, its prior."""
         ahead, own, begins, counts, guess, spread, *parts = update.kept
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
-        guessed = (payload - update.payload)[:, : self._told] * (begins * ~alone)[:, None]
+        away = (payload - update.payload)[:, : self._told]
+        guessed = away * (begins * ~alone)[:, None]
+        off = apart(away, spread, self.space.axes) & (begins == 0.0) & self.compares
         if self.agrees and begins.any():
             agreed = self._priors(Belief(guess + guessed, spread))[1]
             known = [part for prior in agreed for part in prior]
@@ -153,7 +156,7 @@ class ToldRanges:
         for state, covariance, likely in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            each.append((centred, covariance, likely, counts, *vars(heard).values()))
+            each.append((centred, covariance, likely, counts, off.astype(np.float64), *vars(heard).values()))
         found, misfits, stays = [], [], []
         for after, spread, likelihood, *later in abreast(self.motions, each, self._after):
             found.append((self._centred(after, -1.0), spread))
@@ -169,14 +172,15 @@ class ToldRanges:
 
     def _after(self, motion: Motion, rows: Arrays) -> Arrays:
         """State, covariance and likelihood after the ranges, and what the next step begins with, if hypotheses stay."""
-        state, covariance, likely, counts, *told = rows
+        state, covariance, likely, counts, off, *told = rows
         prior, heard = (state, covariance, likely), Heard(*told)
         known = self.space.axes, self._biases, share(counts) if self.seeks else None, motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
         parts = (split(one, heard, self.splits) for one in halves)
         before = [Branches.of(one, *known, ties=self.ties, exact=self.exact) for one in parts]
         if self.seeks:
-            whole, stay = self._contest.after(before[0], before[1], self._elsewhere(len(counts)), heard, counts)
+            where = self._elsewhere(len(counts))
+            whole, stay = self._contest.after(before[0], before[1], where, heard, counts, off=off > 0.0)
             return *whole.merged(), *stay
         whole = tied(conditioned(before[0], heard, self.outliers, MANY if self.splits else MOST), heard)
         if not self.splits and len(self.motions) > 1:
@@ -246,7 +250,8 @@ class ToldRanges:
             priors = [
                 self._beginning.or_anywhere(motion, one) for motion, one in zip(self.motions, priors, strict=True)
             ]
-        return ahead, [self._predicted(motion, *one) for motion, one in zip(self.motions, priors, strict=True)]
+        beside = self._more if len(self.motions) == 1 else 0
+        return ahead, [predicted(motion, one, beside) for motion, one in zip(self.motions, priors, strict=True)]
 
     @cached_property
     def _beginning(self) -> Beginning:
@@ -255,19 +260,6 @@ class ToldRanges:
     def _elsewhere(self, count: int) -> Priors:
         state, covariance, likelihood = self._beginning.elsewhere(count)
         return self._centred(state), covariance, likelihood
-
-    @cached_property
-    def _dynamics(self) -> tuple[Floats, Floats]:
-        return beside_constants(linear(self.motions[0]), self._more)
-
-    def _predicted(self, motion: Motion, state: Floats, covariance: Floats, likelihood: Floats) -> Priors:
-        states, covariances = state.reshape(-1, state.shape[2]), covariance.reshape(-1, *covariance.shape[2:])
-        if self._more and len(self.motions) == 1:
-            transition, noise = self._dynamics
-            ahead, spread = matvec(transition, states), transition @ covariances @ transition.T + noise
-        else:
-            ahead, spread = motion.predict_state(states), motion.predict_covariance(covariances, states)
-        return ahead.reshape(state.shape), spread.reshape(covariance.shape), likelihood
 
     def _own(self, measurement: Measurement) -> Rows:
         """The agents' places in a payload, (n,)."""
