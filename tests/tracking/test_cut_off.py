@@ -188,6 +188,35 @@ def test_halves_of_a_network_are_as_sure_as_they_may_be(more):
     assert falsely == 0.0
 
 
+def halves(rules):
+    """Errors and status of six agents in halves that tell each other their ranges."""
+    wide = ("filter.initial_position=[50,0,0]", "filter.initial_position_std=50", "seed=5048", "steps=230")
+    (trace,) = simulate([load("tracking", [HALVES, *wide, f"filter.defaults={rules}"]).scenario])
+    return np.linalg.norm((trace.estimates - trace.truth)[:, :, :3], axis=2), trace.diagnostics.status
+
+
+@pytest.mark.slow
+def test_agents_that_come_back_with_another_place_say_so_and_look_for_it_again():
+    error, status = halves(20)
+    assert error[:3, 198].min() > 10.0
+    assert error[:, 210:].max() < 0.5
+    assert (status[:, 210:] == TRACKING).all()
+    assert not ((error > 1.0) & (status == TRACKING)).any()
+    error, status = halves(19)
+    assert error[:3, 210:].min() > 10.0
+    assert (status[:3, 210:] == TRACKING).all()
+
+
+def test_loss_of_all_messages_is_a_cut():
+    def tells(probability, *more):
+        fault = f'fault=[{{kind="loss",probability={probability},links="agent:2"}}]'
+        return Plan(load("tracking", [fault, *more]).scenario).settings.cut_off > 0
+
+    assert tells(1.0)
+    assert not tells(0.99)
+    assert not tells(1.0, "filter.defaults=19")
+
+
 @pytest.mark.parametrize(("rules", "said"), [(10, TRACKING), (11, COASTING)])
 def test_a_pair_does_not_say_that_it_tracks(rules, said):
     pairs = 'fault=[{kind="partition",links={between=[[0,1],[2,3]]},from=6.0,until=12.0}]'
