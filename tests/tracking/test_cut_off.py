@@ -83,7 +83,7 @@ def test_a_group_counts_its_ranges_once_each(five):
 @pytest.mark.parametrize("bend", [None, 20.0, 100.0])
 def test_an_agent_alone_takes_in_its_range_as_far_as_it_is_straight(five, bend):
     """By earlier rules (None) it goes on by prediction."""
-    settings = replace(five.settings, alone_bend=bend)
+    settings = replace(five.settings, alone_bend=bend, presumes=False)
     chosen = CutOff(SaturatedInformation.of(settings), settings)
     belief, alone = begun(), 4
     for _ in range(6):
@@ -188,6 +188,31 @@ def test_halves_of_a_network_are_as_sure_as_they_may_be(more):
     assert falsely == 0.0
 
 
+@pytest.mark.parametrize(("rules", "falsely"), [(19, True), (20, False)])
+def test_a_few_of_many_agents_know_how_few_they_are(rules, falsely):
+    parts = f'fault=[{{kind="partition",links={{between=[[0,1,2],{list(range(3, 16))}]}},from=6.0,until=14.0}}]'
+    keys = (parts, "agents.count=16", "steps=150", f"filter.defaults={rules}")
+    for trace in simulate([load("tracking", [*keys, f"seed={seed}"]).scenario for seed in (1013, 1016)]):
+        error = np.linalg.norm((trace.estimates - trace.truth)[:, :, :3], axis=2)
+        spread = np.sqrt(np.trace(trace.covariances[:, :, :3, :3], axis1=2, axis2=3))
+        sure = (error > 0.5) & (error > 5.0 * spread) & (trace.diagnostics.status == TRACKING)
+        assert sure.any() == falsely
+
+
+def test_a_coasting_agent_that_is_alone_does_not_track_again():
+    keys = (
+        *("filter.planar_height=0", "agents.low=[-10,-10,0]", "agents.high=[10,10,0]", "seed=1016", "steps=135"),
+        *("target.motion=waypoints", "target.speed=3"),
+        "target.waypoints=[[-9,0,0],[0,9,0],[9,0,0],[0,-9,0],[-9,0,0]]",
+        'fault=[{kind="partition",links={between=[[0,1],[2,3,4,5]]},from=6,until=14}]',
+    )
+    for rules, again in ((19, True), (20, False)):
+        (trace,) = simulate([load("tracking", [*keys, f"filter.defaults={rules}"]).scenario])
+        alone = trace.diagnostics.status[1]
+        assert (alone[64:88] == COASTING).all()
+        assert (alone[88:] == TRACKING).any() == again
+
+
 def halves(rules):
     """Errors and status of six agents in halves that tell each other their ranges."""
     wide = ("filter.initial_position=[50,0,0]", "filter.initial_position_std=50", "seed=5048", "steps=230")
@@ -260,7 +285,7 @@ def test_only_where_agents_may_be_cut_off_messages_tell_who_is_there():
     liar = 'fault=[{kind="byzantine",agents=[1]}]'
     assert size(liar) == size(liar, "filter.defaults=11") + 15 == size(liar, "consensus.isolate=false") + 15
     assert size() == size("filter.defaults=10")
-    for more in ("consensus.trigger=0.1", "agents.count=13", "filter.kind=ci", "filter.kind=local"):
+    for more in ("consensus.trigger=0.1", "agents.count=41", "filter.kind=ci", "filter.kind=local"):
         assert size(HALVES, more) == size(HALVES, more, "filter.defaults=10")
     loss = 'fault=[{kind="loss",links="all",probability=0.3}]'
     assert size(loss) == size(loss, "filter.defaults=10")

@@ -18,6 +18,9 @@ _HALF = 0.5
 FEW = 12
 """How many agents may put a number each into every payload."""
 
+MANY = 40
+"""How many may do so where they may be cut off: little of a number is left at the other end of a line of them."""
+
 
 def edges(scenario: Scenario) -> graph.Edges:
     """The undirected communication graph, (m, 2)."""
@@ -42,7 +45,7 @@ def by_radio(scenario: Scenario) -> bool:
 
 
 def tells_members(scenario: Scenario) -> bool:
-    """Whether agents tell each other who is there: if told to, or where they may be cut off from others and are few.
+    """Whether agents tell each other who is there: if told to, or where they may be cut off and are not too many.
 
     They are cut off by faults, out of range, or because they isolate the agents between them.
     """
@@ -50,7 +53,9 @@ def tells_members(scenario: Scenario) -> bool:
     if chosen != "auto":
         return chosen
     isolates = scenario.filter.defaults > 11 and trust.isolates(scenario)
-    return (parts(scenario) or isolates) and calls_roll(scenario) and scenario.filter.defaults > 10
+    many = scenario.filter.defaults > 19 and scenario.count <= MANY and scenario.consensus.precision == "float64"
+    few = calls_roll(scenario) or (many and not scenario.consensus.trigger)
+    return (parts(scenario) or isolates) and few and scenario.filter.defaults > 10
 
 
 def calls_roll(scenario: Scenario) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from zenoh_cbef.faults import Fault, SenderFault, SensorBias, SensorDropout, SensorFault, SensorSpikes, SensorStuck
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
-from zenoh_cbef.tracking.filters.around.returning import ALONE_BEND, FEW_BEND
+from zenoh_cbef.tracking.filters.around.returning import ALONE_BEND
 from zenoh_cbef.tracking.filters.models import joint_biases
 
 _SHOWS = 6.0
@@ -42,10 +42,8 @@ def presumes(scenario: Scenario) -> bool:
 
 
 def alone_bend(scenario: Scenario) -> float | None:
-    """How many times the variance of its bend an agent's range has more while it is alone; None: it only predicts."""
-    if presumes(scenario):
-        return FEW_BEND
-    return ALONE_BEND if scenario.filter.defaults > 19 else None
+    """See `FilterSettings.alone_bend`: by earlier rules, and where ranges are real, agents know less of being alone."""
+    return ALONE_BEND if scenario.filter.defaults > 19 and not presumes(scenario) else None
 
 
 def proves(scenario: Scenario) -> bool:

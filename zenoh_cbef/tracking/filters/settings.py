@@ -148,7 +148,8 @@ class FilterSettings:
     judges_agents: bool = True
     """Whether that counts agents that do not fit, or ranges, and only those that hear ranges vote for another fix."""
     alone_bend: float | None = None
-    """How many times the variance of its bend the range of an agent has more that no other hears; None: it has none."""
+    """How many times the variance of its bend the range of an agent has more that no other hears, and which does not
+    track again until one does; None: of few agents, each is like the others."""
     presumes: bool = True
     """Whether agents presume that ranges fit and that all others are there until they know better."""
     proves: bool = False

@@ -78,7 +78,7 @@ class CutOff(Wrapping):
         share = np.maximum(share, there)
         if np.count_nonzero(share < 1.0) and not self.settings.splits:
             part = share[:, None]
-            alone = self._alone(share) & (self.settings.alone_bend is None)
+            alone = self._alone(share) & (self.settings.alone_bend is None and not self.settings.presumes)
             predicts = self._few(share) if self.settings.models else alone
             mixed = np.where(part < 1.0, part * mixed + (1.0 - part) * quiet, mixed)
             mixed = np.where(predicts[:, None], before.payload, mixed)

@@ -23,6 +23,11 @@ _UNLIKELY = 4.0
 """How many of its prior standard deviations a bias is off that explains nothing."""
 
 
+def former_of(update: Update) -> Status:
+    """What agents knew before an update of `Knowing`."""
+    return Status(*update.kept[:-1])
+
+
 @dataclass(frozen=True)
 class Knowing(Wrapping):
     """Any filter of information, with two numbers more in its payload: whether it had a range, and whether those fit.
@@ -44,7 +49,8 @@ class Knowing(Wrapping):
 
     From these sums and its covariance, which the network agrees on but for what consensus left, every agent decides
     what the estimate is (see Status). An agent that hears no neighbour goes on by prediction, so its ranges count as
-    none, and so do those of a group that is too small to find the target.
+    none, and so do those of a group that is too small to find the target. Once it coasts, such a group does not track
+    again before others are back (settings.alone_bend).
     """
 
     settings: FilterSettings
@@ -85,13 +91,14 @@ class Knowing(Wrapping):
             status = status.hearing(np.isfinite(measurement.range))
             lately = status.unheard < self.settings.hearing
             payload[:, size + 2 :] = Hearers(self.settings).told(belief.memory, measurement.agent, lately)
-        return Update(payload, update.diagnostics, tuple(vars(status).values()), (update,))
+        few = np.zeros(count) if measurement.few is None else measurement.few.astype(np.float64)
+        return Update(payload, update.diagnostics, (*vars(status).values(), few), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, and what it is worth."""
         more = self.numbers(self.settings)
         inner = self.filter.conclude(np.ascontiguousarray(payload[:, :-more]), update.parts[0])
-        former, settings = Status(*update.kept), self.settings
+        former, few, settings = former_of(update), update.kept[-1] > 0.0, self.settings
         hearers = Hearers(settings)
         count, axes, dt = settings.network_size, settings.space.axes, settings.motion.dt
         numbers = np.nan_to_num(payload[:, -more:])
@@ -120,8 +127,10 @@ class Knowing(Wrapping):
             enough=None if hear is None else hear > axes - 0.5,
             proves=settings.proves,
         )
+        off = few & (former.which != TRACKING) & (settings.alone_bend is not None)
         if settings.compares:
-            off = apart(payload[:, :axes] - update.payload[:, :axes], covariance, axes)
+            off |= apart(payload[:, :axes] - update.payload[:, :axes], covariance, axes)
+        if off.any():
             which = np.where(former.which == ACQUIRING, ACQUIRING, COASTING)
             status = status.told(off & (status.which == TRACKING), which, former, dt)
         status = self._undecided(status, former, inner)

@@ -12,7 +12,7 @@ from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.filters.finding.drifted import drifted
 from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
-from zenoh_cbef.tracking.filters.finding.knowing import Knowing
+from zenoh_cbef.tracking.filters.finding.knowing import Knowing, former_of
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.filters.finding.patience import gives_up, hears_again, left_to_a_fix
 from zenoh_cbef.tracking.filters.finding.proving import fitting
@@ -214,7 +214,7 @@ class Reacquiring(Wrapping):
         self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools, *, fitted: Floats
     ) -> Belief:
         """What agents say in this step, and do from the next one on. fitted: how many ranges fit a fix, (n,)."""
-        former, fixing = Status(*before.kept), search.fixing
+        former, fixing = former_of(before), search.fixing
         status = inner.status or former
         settled = ~fixing & (status.which != ACQUIRING)
         # By the eleventh rules agents that begin anew do as the others do, and a group that is too small does nothing.
