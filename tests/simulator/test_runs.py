@@ -43,8 +43,9 @@ def test_the_share_of_lost_messages_is_the_configured_one():
 
 
 def test_messages_that_all_come_late_do_as_much_as_messages_that_are_all_lost():
+    unasked = {"membership": False}  # Of loss of all messages agents know that it cuts them off.
     lost, late = (
-        simulate([scenario(6, fault=[fault])])[0]
+        simulate([scenario(6, fault=[fault], filter=unasked)])[0]
         for fault in ({"kind": "loss", "probability": 1.0}, {"kind": "delay", "milliseconds": 0.5})
     )
     assert lost.estimates.tobytes() == late.estimates.tobytes()
