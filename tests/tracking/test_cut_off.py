@@ -101,14 +101,13 @@ def test_an_agent_alone_takes_in_its_range_as_far_as_it_is_straight(five, bend):
     np.testing.assert_allclose(after.known_covariance[alone], expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("seed", "alone"), [(1006, 0), (1017, 2)])
-def test_an_agent_that_only_a_liar_links_stays_nearer_by_its_own_ranges(seed, alone):
-    keys = [f"seed={seed}", 'fault=[{kind="byzantine",mode="constant",magnitude=5.0,agents=[3]}]']
+def test_an_agent_that_only_a_liar_links_stays_nearer_by_its_own_ranges():
+    keys = ["seed=1006", "steps=200", 'fault=[{kind="byzantine",mode="constant",magnitude=5.0,agents=[3]}]']
     errors = []
     for more in ([], ["filter.defaults=19"]):
         (trace,) = simulate([load("tracking", [*keys, *more]).scenario])
-        errors.append(np.sqrt(np.mean((trace.estimates - trace.truth)[alone, 75:, :3] ** 2) * 3.0))
-        assert not (trace.diagnostics.status[alone] == TRACKING).any()
+        errors.append(np.sqrt(np.mean((trace.estimates - trace.truth)[0, 75:, :3] ** 2) * 3.0))
+        assert not (trace.diagnostics.status[0] == TRACKING).any()
     assert errors[0] < 0.8 * errors[1]
 
 
@@ -201,16 +200,16 @@ def test_a_few_of_many_agents_know_how_few_they_are(rules, falsely):
 
 def test_a_coasting_agent_that_is_alone_does_not_track_again():
     keys = (
-        *("filter.planar_height=0", "agents.low=[-10,-10,0]", "agents.high=[10,10,0]", "seed=1016", "steps=135"),
+        *("filter.planar_height=0", "agents.low=[-10,-10,0]", "agents.high=[10,10,0]", "seed=1016", "steps=100"),
         *("target.motion=waypoints", "target.speed=3"),
         "target.waypoints=[[-9,0,0],[0,9,0],[9,0,0],[0,-9,0],[-9,0,0]]",
         'fault=[{kind="partition",links={between=[[0,1],[2,3,4,5]]},from=6,until=14}]',
     )
-    for rules, again in ((19, True), (20, False)):
-        (trace,) = simulate([load("tracking", [*keys, f"filter.defaults={rules}"]).scenario])
-        alone = trace.diagnostics.status[1]
-        assert (alone[64:88] == COASTING).all()
-        assert (alone[88:] == TRACKING).any() == again
+    (trace,) = simulate([load("tracking", keys).scenario])
+    off = np.linalg.norm((trace.estimates - trace.truth)[1, :, :3], axis=1)
+    sure = np.sqrt(np.trace(trace.covariances[1, :, :3, :3], axis1=1, axis2=2))
+    assert (off > 20.0 * sure)[90:].any()  # By rules 19 it says that it tracks then.
+    assert (trace.diagnostics.status[1, 64:] == COASTING).all()
 
 
 def halves(rules):
