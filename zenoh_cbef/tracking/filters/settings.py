@@ -148,8 +148,8 @@ class FilterSettings:
     judges_agents: bool = True
     """Whether that counts agents that do not fit, or ranges, and only those that hear ranges vote for another fix."""
     alone_bend: float | None = None
-    """How many times the variance of its bend the range of an agent has more that no other hears, and which does not
-    track again until one does; None: of few agents, each is like the others."""
+    """How many times the variance of its bend an agent's range has more while no other hears the agent; few agents that
+    coast do not track again then. None: it is like one of few, and these may track."""
     presumes: bool = True
     """Whether agents presume that ranges fit and that all others are there until they know better."""
     proves: bool = False

@@ -15,6 +15,7 @@ from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
 FEW_BEND = 20.0
 """How many times the variance that linearising leaves out few agents add, as their errors last from step to step."""
+
 ALONE_BEND = 100.0
 """The same of an agent that is alone, whose errors last longer."""
 
