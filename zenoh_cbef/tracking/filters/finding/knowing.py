@@ -91,8 +91,8 @@ class Knowing(Wrapping):
             status = status.hearing(np.isfinite(measurement.range))
             lately = status.unheard < self.settings.hearing
             payload[:, size + 2 :] = Hearers(self.settings).told(belief.memory, measurement.agent, lately)
-        few = np.zeros(count) if measurement.few is None else measurement.few.astype(np.float64)
-        return Update(payload, update.diagnostics, (*vars(status).values(), few), (update,))
+        alone = np.zeros(count) if measurement.few is None else measurement.few.astype(np.float64)
+        return Update(payload, update.diagnostics, (*vars(status).values(), alone), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, and what it is worth."""
