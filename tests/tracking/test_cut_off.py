@@ -80,10 +80,12 @@ def test_a_group_counts_its_ranges_once_each(five):
         np.testing.assert_allclose(after.known_covariance[group], np.tile(alone, (len(group), 1, 1)), rtol=1e-9)
 
 
-@pytest.mark.parametrize("bend", [None, 20.0, 100.0])
-def test_an_agent_alone_takes_in_its_range_as_far_as_it_is_straight(five, bend):
-    """By earlier rules (None) it goes on by prediction."""
-    settings = replace(five.settings, alone_bend=bend, presumes=False)
+@pytest.mark.parametrize(
+    ("bend", "presumes", "times"), [(None, False, np.inf), (None, True, 20.0), (100.0, False, 100.0)]
+)
+def test_an_agent_alone_takes_in_its_range_as_far_as_it_is_straight(five, bend, presumes, times):
+    """By earlier rules (None) it goes on by prediction, and by the eleventh it is like one of few."""
+    settings = replace(five.settings, alone_bend=bend, presumes=presumes)
     chosen = CutOff(SaturatedInformation.of(settings), settings)
     belief, alone = begun(), 4
     for _ in range(6):
@@ -96,7 +98,7 @@ def test_an_agent_alone_takes_in_its_range_as_far_as_it_is_straight(five, bend):
     distance, before = own_range(space, belief.state[[alone]], PLACES[[alone]], np.zeros(1))
     across = np.eye(2) - np.outer(before[0, :2], before[0, :2])
     curved = across @ belief.known_covariance[alone, :2, :2] / distance
-    noise = settings.range_std**2 + (bend or np.inf) * 0.5 * np.trace(curved @ curved)
+    noise = settings.range_std**2 + times * 0.5 * np.trace(curved @ curved)
     expected = prior - np.outer(prior @ row[0], row[0] @ prior) / (row[0] @ prior @ row[0] + noise)
     np.testing.assert_allclose(after.known_covariance[alone], expected, rtol=1e-9)
 
@@ -286,5 +288,7 @@ def test_only_where_agents_may_be_cut_off_messages_tell_who_is_there():
     assert size() == size("filter.defaults=10")
     for more in ("consensus.trigger=0.1", "agents.count=41", "filter.kind=ci", "filter.kind=local"):
         assert size(HALVES, more) == size(HALVES, more, "filter.defaults=10")
+    many = HALVES, "agents.count=13", "consensus.precision=float32"
+    assert size(*many) == size(*many, "filter.defaults=10")
     loss = 'fault=[{kind="loss",links="all",probability=0.3}]'
     assert size(loss) == size(loss, "filter.defaults=10")

@@ -143,7 +143,7 @@ class ToldRanges:
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
         away = (payload - update.payload)[:, : self._told]
         guessed = away * (begins * ~alone)[:, None]
-        off = apart(away, spread, self.space.axes) & (begins == 0.0) & self.compares
+        off = apart(away, spread, self.space.axes) & self.compares
         if self.agrees and begins.any():
             agreed = self._priors(Belief(guess + guessed, spread))[1]
             known = [part for prior in agreed for part in prior]
