@@ -87,6 +87,14 @@ class Inversion:
 BY_LIBRARY = Inversion()
 
 
+def leading_trace(matrices: Floats, size: int) -> Floats:
+    """Sums (n,) of the first elements of diagonals, of matrices (n, >= size, >= size), always in this order."""
+    total = matrices[:, 0, 0]
+    for place in range(1, size):
+        total = total + matrices[:, place, place]
+    return total
+
+
 def sound_rows(matrices: Floats) -> Bools:
     """Which of symmetric matrices (n, s, s) pass for information matrices: (n,)."""
     eigenvalues = _each(np.linalg.eigvalsh, matrices.shape[:2], matrices)

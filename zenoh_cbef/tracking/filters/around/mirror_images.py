@@ -13,6 +13,7 @@ from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, resumed
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import leading_trace
 from zenoh_cbef.tracking.ranging import Measurement
 
 _CUT = 9.0
@@ -103,10 +104,7 @@ def undecided(around: Filter, belief: Belief) -> Bools:
             first, second = belief.parts
             axes = around.settings.space.axes
             offset = (first.state - second.state)[:, :axes]
-            covariance = belief.known_covariance
-            variance = covariance[:, 0, 0]
-            for axis in range(1, axes):
-                variance = variance + covariance[:, axis, axis]
+            variance = leading_trace(belief.known_covariance, axes)
             apart = np.add.reduce(offset * offset, axis=1) > _APART**2 * variance
             return np.asarray(apart & (np.abs(belief.memory[0]) < _DECIDED))
         around, belief = around.filter, belief.parts[0]

@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import leading_trace
 from zenoh_cbef.tracking.ranging import Space, own_range
 from zenoh_cbef.tracking.status import Status
 
@@ -36,8 +37,5 @@ def bent(space: Space, state: Floats, covariance: Floats, position: Floats, rang
     axes = space.axes
     distance, row = own_range(space, state, position, np.zeros(len(state)))
     known, along = covariance[:, :axes, :axes], row[:, :axes]
-    total = known[:, 0, 0]
-    for axis in range(1, axes):
-        total = total + known[:, axis, axis]
-    across = total - np.add.reduce(along * np.add.reduce(known * along[:, None], axis=2), axis=1)
+    across = leading_trace(known, axes) - np.add.reduce(along * np.add.reduce(known * along[:, None], axis=2), axis=1)
     return np.asarray(across > 2.0 * range_std * distance)

@@ -16,6 +16,7 @@ from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.models.contending import apart
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.linalg import leading_trace
 from zenoh_cbef.tracking.ranging import Measurement, own_range
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, CUT, LOST, TRACKING, WRONG, Status, most_misfit, wrong_among
 
@@ -91,8 +92,8 @@ class Knowing(Wrapping):
             status = status.hearing(np.isfinite(measurement.range))
             lately = status.unheard < self.settings.hearing
             payload[:, size + 2 :] = Hearers(self.settings).told(belief.memory, measurement.agent, lately)
-        alone = np.zeros(count) if measurement.few is None else measurement.few.astype(np.float64)
-        return Update(payload, update.diagnostics, (*vars(status).values(), alone), (update,))
+        in_few = np.zeros(count) if measurement.few is None else measurement.few.astype(np.float64)
+        return Update(payload, update.diagnostics, (*vars(status).values(), in_few), (update,))
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, and what it is worth."""
@@ -111,13 +112,10 @@ class Knowing(Wrapping):
         judges = np.fmin(np.rint(hear), count) if hear is not None and settings.hearers_count else float(count)
         most = self._most(inner.bias, judges) if settings.judges_agents else None
         covariance = inner.known_covariance
-        variance = covariance[:, 0, 0]
-        for axis in range(1, axes):
-            variance = variance + covariance[:, axis, axis]
         status = former.after(
             heard=count * np.minimum(mean[:, 0], 1.0),
             misfit=count * mean[:, 1],
-            spread=np.sqrt(variance),
+            spread=np.sqrt(leading_trace(covariance, axes)),
             axes=axes,
             fix=settings.first_fix,
             dt=dt,

@@ -12,6 +12,7 @@ from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors
 from zenoh_cbef.tracking.filters.models.splitting import NEAR, STAY
 from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import picked
+from zenoh_cbef.tracking.linalg import leading_trace
 
 _BEGUN = 0.2, 10.0
 """As if of ten ranges a fiftieth had been wrong before the first one."""
@@ -44,7 +45,7 @@ class Contest:
     takes over. A network is in doubt before it has heard enough, and while more ranges are wrong than the scenario
     tells, or than half. Where it tells nothing, the share of wrong ranges is learned. An agent is in doubt, too, while
     it is off the mean of all (see `apart`): agents that were cut off from each other may come back with two places, and
-    to each half the ranges of the others are wrong for long before that is more than usual.
+    to each half those ranges are wrong that only the other place fits, of all never more than half.
 
     axes: of the position. outliers: see branching.py. splits: whether hypotheses follow the bend of ranges, so that
     more of them stay, and nearer to each other.
@@ -127,10 +128,8 @@ def apart(away: Floats, covariance: Floats, axes: int) -> Bools:
 
     Agents that tell each other their ranges compute the same from them, so they agree but where some were cut off.
     """
-    variance = covariance[:, 0, 0]
-    for axis in range(1, axes):
-        variance = variance + covariance[:, axis, axis]
-    return np.asarray(np.add.reduce(away[:, :axes] ** 2, axis=1) > _APART**2 * variance)
+    square = np.add.reduce(away[:, :axes] ** 2, axis=1)
+    return np.asarray(square > _APART**2 * leading_trace(covariance, axes))
 
 
 def uncounted(count: int) -> Floats:
