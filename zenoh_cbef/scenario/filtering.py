@@ -46,11 +46,10 @@ class Filtering(Meant):
     @alike
     def models(self) -> tuple[Motion, ...]:
         """The motions between which the target switches; none where the filter assumes one."""
-        return (
-            assumed_models(self.scenario, self.range_std, self.space.axes, told=self.tells_ranges)
-            if self._switches and not self._leaps
-            else ()
-        )
+        if self._leaps or not self._switches:
+            return ()
+        told, leaps = self.tells_ranges, self._may_leap
+        return assumed_models(self.scenario, self.range_std, self.space.axes, told=told, leaps=leaps)
 
     @alike
     def _may_leap(self) -> bool:

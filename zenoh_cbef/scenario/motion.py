@@ -74,10 +74,13 @@ def leaving(scenario: Scenario, *, doubted: bool, told: bool) -> tuple[float, ..
     return (_LASTING, _OFTEN, _ALWAYS) if told else (_LASTING, _OFTEN)
 
 
-def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: bool | None = None) -> tuple[Motion, ...]:
+def assumed_models(
+    scenario: Scenario, range_std: float, axes: int, *, told: bool | None = None, leaps: bool = False
+) -> tuple[Motion, ...]:
     """The motions between which the target switches, the most agile one last.
 
     told: agents tell each other their ranges, so a motion more makes no message longer; None: that is not decided yet.
+    leaps: the target may be anywhere a step later.
     """
     chosen, settings = scenario.filter, _settings(scenario, range_std, axes)
     if chosen.models:
@@ -92,7 +95,7 @@ def assumed_models(scenario: Scenario, range_std: float, axes: int, *, told: boo
     sudden = [(chosen.agile, fastest)] if fastest > _SUDDEN * agile else []
     if sudden and not told:
         agile, sudden = fastest, []
-    elif told is False and chosen.defaults > 17:
+    elif (told is False and chosen.defaults > 17) or (told and leaps and chosen.defaults > 20):
         # Ranges that no motion explains count for nothing there: a velocity may become any other one that is as fast.
         agile = max(agile, fastest / _ROUND)
     if chosen.acceleration_std is None and chosen.defaults > 13:

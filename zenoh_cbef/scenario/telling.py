@@ -23,7 +23,7 @@ def tells_ranges(
     Or where the target switches between motions: which ranges are wrong, and which motion is right, all ranges of a
     step tell together. By earlier rules only if a step may have too few, as agents are away, or cut off from others.
     motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix. leaps: whether
-    one motion that leaps would do.
+    one motion that leaps would do, as by the twentieth rules; but wrong ranges lose it.
     """
     agile = motions[-1]
     if len(motions) > 1 and tells_biased(scenario, agile.axes):
@@ -32,7 +32,7 @@ def tells_ranges(
     fewest = agile.axes - (several and scenario.filter.defaults > 15)
     if not _may(scenario, fewest + (not several), several=several):
         return False
-    if several and not leaps and _tells_turns(scenario):
+    if several and not (leaps and scenario.filter.defaults < 21) and _tells_turns(scenario):
         return True
     if len(motions) == 1 and may_mistake(scenario, range_std, agile.axes):
         return True
