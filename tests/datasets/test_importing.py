@@ -41,8 +41,8 @@ def test_csv_with_any_columns_units_and_separators(tmp_path, head, unit, marks, 
     assert (tmp_path / "set" / "first-fix.png").stat().st_size > 1000
     scenario = load(str(tmp_path / "set" / "scenario.toml")).scenario
     # Ten ranges a second without any noise, of a target that goes round at 3 m/s.
-    assert (scenario.dt, scenario.length) == (0.05, 2 * STEPS - 1)
-    assert scenario.target.origin == pytest.approx(EPOCH - 0.05)
+    assert (scenario.dt, scenario.length) == (0.025, 4 * STEPS - 3)
+    assert scenario.target.origin == pytest.approx(EPOCH - 0.025)
     with pytest.raises(UserError, match="--force"):
         imported(tmp_path / "log.csv", "--anchors", stations, "-o", tmp_path / "set", *options)
 

@@ -12,6 +12,7 @@ from zenoh_cbef.datasets.agility import agility
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import is_planar
 from zenoh_cbef.datasets.scatter import scatter
+from zenoh_cbef.datasets.spikes import without_spikes
 from zenoh_cbef.numbers import number
 
 _ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
@@ -21,12 +22,12 @@ def time_step(dataset: Dataset) -> float:
     """A round step near the interval of an anchor's ranges, s, or shorter for a target that turns fast.
 
     Between a range and the end of its step the target is taken to go straight on: in half of sqrt(sigma/q) it strays
-    from that by an eighth of the noise. Steps shorter than half of the interval gain little.
+    from that by an eighth of the noise. Steps shorter than a quarter of the interval gain little.
     """
     interval = dataset.interval or 0.1
-    step = _near(interval, _ROUND)
-    quick, noise = agility(dataset), scatter(dataset)
-    if not quick or not noise or step <= (longest := max(0.5 * math.sqrt(noise / quick), interval / 2.0)):
+    step, plain = _near(interval, _ROUND), without_spikes(dataset)
+    quick, noise = agility(plain), scatter(plain)
+    if not quick or not noise or step <= (longest := max(0.5 * math.sqrt(noise / quick), interval / 4.0)):
         return step
     return _near(longest, [each for each in _ROUND if each * _decade(longest) < 1.001 * longest])
 

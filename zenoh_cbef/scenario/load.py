@@ -18,6 +18,7 @@ from zenoh_cbef.datasets import dataset_folder, read_dataset
 from zenoh_cbef.datasets.agility import agility
 from zenoh_cbef.datasets.gaps import gap
 from zenoh_cbef.datasets.scatter import scatter
+from zenoh_cbef.datasets.spikes import without_spikes
 from zenoh_cbef.errors import UserError
 from zenoh_cbef.plain import read_toml, whole
 from zenoh_cbef.scenario.library import Library
@@ -203,14 +204,15 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
             f"{dataset.truth_time[0]:.12g} to {dataset.truth_time[-1]:.12g} s, that of ranges.csv from "
             f"{dataset.range_time[0]:.12g} to {dataset.range_time[-1]:.12g} s; bring both to one clock"
         )
+    plain = without_spikes(dataset) if scenario.filter.defaults > 20 else dataset
     if scenario.filter.acceleration_interval is None:
         data["filter"]["acceleration_interval"] = dataset.interval
         if scenario.filter.acceleration_std is None and scenario.filter.defaults > 14:
-            told, rules = agility(dataset), scenario.filter.defaults
+            told, rules = agility(plain), scenario.filter.defaults
             data["filter"]["acceleration_std"] = recorded_acceleration(told, dataset.interval, defaults=rules)
     today = scenario.filter.defaults > 11
     if scenario.filter.range_std == "auto" and (today or "range_std" not in scenario.sensor.model_fields_set):
         # A noise that begins far below the true one comes too late for the first fix, and for biases.
-        found = scatter(dataset, _APART if today else 1) or 0.0
+        found = scatter(plain, _APART if today else 1) or 0.0
         data["sensor"]["range_std"] = max(scenario.sensor.range_std, found)
     return parse(data, str(path))

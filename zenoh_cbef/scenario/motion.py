@@ -95,7 +95,7 @@ def assumed_models(
     sudden = [(chosen.agile, fastest)] if fastest > _SUDDEN * agile else []
     if sudden and not told:
         agile, sudden = fastest, []
-    elif (told is False and chosen.defaults > 17) or (told and leaps and chosen.defaults > 20):
+    elif (told is False and chosen.defaults > 17) or (told and leaps and not sudden and chosen.defaults > 20):
         # Ranges that no motion explains count for nothing there: a velocity may become any other one that is as fast.
         agile = max(agile, fastest / _ROUND)
     if chosen.acceleration_std is None and chosen.defaults > 13:

@@ -24,7 +24,10 @@ _FEW = 12
 """The most agents that tell each other what they measured: one wrong receiver among more does little."""
 
 _FASTEST = 3.0
-"""Least standard deviation of the target's velocity before the first fix, m/s; and how many of those that are told."""
+"""Least standard deviation of the target's velocity before the first fix, m/s."""
+
+_MOST = 6.0
+"""How many standard deviations no guess is off: a target is no faster than that where it is told to be slow."""
 
 
 def initial_std(scenario: Scenario) -> Floats:
@@ -52,7 +55,7 @@ def reach(scenario: Scenario) -> float:
     By the twentieth rules it is fast, 3 m/s, also where agents are told of a slow one.
     """
     given, std = scenario.filter.initial_velocity, float(initial_std(scenario)[3])
-    least = _FASTEST * min(1.0, std) if scenario.filter.defaults > 20 else _FASTEST
+    least = min(_FASTEST, _MOST * std) if scenario.filter.defaults > 20 else _FASTEST
     # A motion of another package may begin otherwise under another seed, and plans are the same for all.
     known = np.zeros(3) if scenario.target.motion not in COURSES else target_start(scenario)[3:]
     told = np.linalg.norm(np.atleast_2d(known if given is None else given), axis=1)
