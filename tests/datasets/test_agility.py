@@ -40,9 +40,9 @@ def test_it_is_the_acceleration_of_the_target_whatever_the_noise_and_in_spite_of
 def test_of_many_outliers_single_ranges_are_left_out_first():
     """Of ranges of which a fifth is wrong half of all lines through three have a wrong one."""
     wrong = recording(1.0, outliers=0.2)
-    assert agility(wrong) != pytest.approx(1.0, rel=0.5)
+    assert not 0.5 < (agility(wrong) or 0.0) < 2.0
     assert (scatter(wrong) or 0.0) > 0.2
-    assert agility(without_spikes(wrong)) == pytest.approx(1.0, rel=0.5)
+    assert 0.5 < (agility(without_spikes(wrong)) or 0.0) < 2.0
     assert scatter(without_spikes(wrong)) == pytest.approx(0.1, rel=0.15)
 
 
