@@ -13,6 +13,8 @@ _SHARE = 0.2
 """A fifth of the usual range: no noise and no bias of a working sensor."""
 _ABSURD = 100.0
 """Errors ten times as large as the covariance says: no tuning makes up for it."""
+_ALIKE = 2.0
+"""Ranges are so much farther off a truth that is on another clock, or in another unit; estimates follow ranges."""
 
 
 def misfit_note(trace: Trace, first: int, nees: Honesty | None) -> str:
@@ -32,6 +34,11 @@ def misfit_note(trace: Trace, first: int, nees: Honesty | None) -> str:
             f"{offs[bad].min():.3g} m and more of {usual:.3g} m; check units (m) and the order of anchors"
         )
     if nees and nees.average is not None and nees.average > _ABSURD * nees.dimension:
+        if _truth_fits(trace, first, offs):
+            return (
+                f"the network lost its target at times: NEES is {nees.average:.3g}, where {nees.dimension:g} is "
+                "expected, though ranges fit the truth; the status and the errors of its steps say when"
+            )
         return (
             f"the truth does not fit the estimates, which fit the ranges: NEES is {nees.average:.3g}, "
             f"where {nees.dimension:g} is expected; check the truth's unit (m), axes and clock, and the order of "
@@ -40,10 +47,20 @@ def misfit_note(trace: Trace, first: int, nees: Honesty | None) -> str:
     return ""
 
 
-def _offsets(trace: Trace, first: int) -> tuple[Floats, float]:
-    """How far half of each agent's ranges are off, (n,), NaN where it has none, and the median of all ranges; m."""
+def _truth_fits(trace: Trace, first: int, offs: Floats) -> bool:
+    """Whether ranges are hardly farther off the distances to the truth than off those to the estimates, by `offs`."""
+    true, _ = _offsets(trace, first, np.broadcast_to(trace.truth, trace.estimates.shape))
+    return bool(np.nanmedian(true) < _ALIKE * np.nanmedian(offs))
+
+
+def _offsets(trace: Trace, first: int, states: Floats | None = None) -> tuple[Floats, float]:
+    """How far half of each agent's ranges are off, (n,), NaN where it has none, and the median of all ranges; m.
+
+    states: (n, K, 6), to which they should fit; the agents' estimates.
+    """
     ranges = trace.ranges[:, first:]
-    distances = np.linalg.norm(trace.estimates[:, first:, :3] - trace.positions[:, first:], axis=2)
+    places = (trace.estimates if states is None else states)[:, first:, :3]
+    distances = np.linalg.norm(places - trace.positions[:, first:], axis=2)
     off = np.abs(ranges - distances)
     medians = [np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else np.nan for row in off]
     known = ranges[np.isfinite(ranges)]

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets.anchorwise import scaled_anchors, stuck_anchors
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import is_planar
@@ -41,7 +42,8 @@ def findings(dataset: Dataset) -> list[str]:
     late = None if wrong or not dataset.has_truth else lateness(dataset)
     order = [] if wrong or late is not None else swapped(dataset)
     told = [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *order]
-    return told + _mirrored(dataset)
+    # Of anchors at one height an import asks for the target's.
+    return told if is_planar(dataset) else told + mirrored(dataset.anchors)
 
 
 def _unit(dataset: Dataset) -> list[str]:
@@ -59,16 +61,17 @@ def _marks(dataset: Dataset) -> list[str]:
     return [f"{said}: leave out what says that nothing was measured"]
 
 
-def _mirrored(dataset: Dataset) -> list[str]:
-    """Whether anchors in space, as under a ceiling, are so near one plane that ranges fit a mirror image as well."""
-    count = len(dataset.anchors)
-    if is_planar(dataset) or count < _IN_SPACE:
+def mirrored(anchors: Floats) -> list[str]:
+    """Whether anchors in space, (n, 3), m, are so near one plane that ranges fit a mirror image as well: a sentence."""
+    count = len(anchors)
+    if count < _IN_SPACE:
         return []
-    spread = np.linalg.svd(dataset.anchors - dataset.anchors.mean(axis=0), compute_uv=False) / np.sqrt(count)
+    spread = np.linalg.svd(anchors - anchors.mean(axis=0), compute_uv=False) / np.sqrt(count)
     if spread[2] > _NEAR * spread[1]:
         return []
     near = f"anchors are {number(float(spread[2]))} m off one plane, and a run may track the mirror image of the target"
-    return [f"{near}; give filter.planar_height, or at least filter.initial_position on its side of that plane"]
+    given = "filter.initial_position on its side of that plane, with a filter.initial_position_std that leaves it there"
+    return [f"{near}; give filter.planar_height, or at least {given}"]
 
 
 def _clock(dataset: Dataset) -> list[str]:

@@ -7,6 +7,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario import bending, paths, start, trust
 from zenoh_cbef.scenario.model import Scenario
+from zenoh_cbef.tracking.filters.finding.beside import APART
 
 Plane = tuple[tuple[float, ...], tuple[float, ...]]
 """A point of it and its normal, by the estimated axes, m and 1."""
@@ -39,14 +40,39 @@ def plane(scenario: Scenario, range_std: float, axes: int) -> Plane | None:
     )
     if unfit or agents.motion != "static" or scenario.count <= axes or bending.mirrored(scenario, range_std, axes):
         return None
-    spread, directions, middle = _of_box(scenario, axes) if agents.positions is None else _of_places(scenario, axes)
-    if spread[0] > _NEAR * range_std or spread[1] < _FLAT * spread[0]:
+    if not _lies_flat(scenario, range_std, axes):
         return None
+    _, directions, middle = _spread(scenario, axes)
     return tuple(middle.tolist()), tuple(directions[0].tolist())
 
 
-def _of_box(scenario: Scenario, axes: int) -> tuple[Floats, Floats, Floats]:
+def anchors_leave_sides(scenario: Scenario, range_std: float, axes: int) -> bool:
+    """Whether nothing tells on which side of real anchors a target is that are in one plane, as under a ceiling.
+
+    Or near it, and no guess is given that is as surely on one side as an estimate has to be. By the twentieth rules
+    agents presume to be on the side that they are on.
+    """
+    real = trust.real(scenario) and scenario.filter.defaults > 20 and scenario.agents.motion == "static"
+    flat = real and scenario.count >= axes and _lies_flat(scenario, range_std, axes)
+    guess = scenario.filter.initial_position
+    if not flat or guess is None:
+        return flat
+    _, directions, middle = _spread(scenario, axes)
+    heights = (np.atleast_2d(guess)[:, :axes] - middle) @ directions[0]
+    return not bool((2.0 * np.abs(heights) >= APART * start.initial_std(scenario)[0]).all())
+
+
+def _lies_flat(scenario: Scenario, range_std: float, axes: int) -> bool:
+    spread = _spread(scenario, axes)[0]
+    return bool(spread[0] <= _NEAR * range_std and spread[1] >= _FLAT * spread[0])
+
+
+def _spread(scenario: Scenario, axes: int) -> tuple[Floats, Floats, Floats]:
     """Standard deviations of places along directions, least first, these, and the middle."""
+    return _of_box(scenario, axes) if scenario.agents.positions is None else _of_places(scenario, axes)
+
+
+def _of_box(scenario: Scenario, axes: int) -> tuple[Floats, Floats, Floats]:
     low, high = (corner[:axes] for corner in start.box(scenario))
     spread = (high - low) / np.sqrt(12.0)
     order = np.argsort(spread, kind="stable")

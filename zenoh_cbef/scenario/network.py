@@ -6,7 +6,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.faults import MessageFault, SensorDropout
-from zenoh_cbef.scenario import bending, trust
+from zenoh_cbef.scenario import bending, near_plane, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import agent_positions, placement
 from zenoh_cbef.tracking import graph, weights
@@ -86,9 +86,12 @@ def may_be_in_a_plane(scenario: Scenario, axes: int, range_std: float, *, told: 
     Or, by the fifteenth rules, all are in one. By today's a seed may place them so (drawn_flat), or those that hear the
     target may be so few, but if they tell each other their ranges (told), they keep both sides as hypotheses.
 
-    For agents that say what their estimates are, and do not presume to be on the side that they are on.
+    For agents that say what their estimates are, and do not presume to be on the side that they are on. Those with real
+    ranges do, but where all of them leave it open.
     """
-    asked = scenario.filter.status and scenario.consensus.rounds > 0 and not trust.presumes(scenario)
+    asked = scenario.filter.status and scenario.consensus.rounds > 0
+    if trust.presumes(scenario):
+        return asked and near_plane.anchors_leave_sides(scenario, range_std, axes)
     may = scenario.count == axes or tells_members(scenario)
     may |= scenario.filter.defaults > 14 and (drawn_flat or bending.mirrored(scenario, range_std, axes))
     may |= scenario.filter.defaults > 15 and counts_hearers(scenario) and not told

@@ -10,6 +10,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets import Dataset, read_dataset
+from zenoh_cbef.datasets.first_scenario import time_step
 from zenoh_cbef.numbers import number
 from zenoh_cbef.scenario import bending, start
 from zenoh_cbef.scenario.paths import places_at
@@ -24,6 +25,8 @@ in all steps, which no average makes less.
 
 _OFF = 1.5
 _SELDOM = 10.0
+_LONG = 2.0
+"""How many of the steps that an import chooses one may be long."""
 _ENOUGH = 20
 _MOST_STEPS = 10_000
 _MOST_PLACES = 1_000_000
@@ -141,7 +144,19 @@ def _recorded(plan: Plan) -> list[str]:
     if interval is not None and interval > _SELDOM:
         said = f"an anchor's ranges come {number(interval)} s apart; give times in seconds (are these milliseconds?)"
         return [said]
-    return _misjudged_noise(plan, _residuals(dataset))
+    return _long_for_recording(plan, dataset) + _misjudged_noise(plan, _residuals(dataset))
+
+
+def _long_for_recording(plan: Plan, dataset: Dataset) -> list[str]:
+    """Until its step ends each range counts as one of a target that goes straight on."""
+    dt, shorter = plan.scenario.dt, time_step(dataset)
+    if dt <= _LONG * shorter:
+        return []
+    warning = (
+        f"steps of dt = {number(dt)} s are long for this recording: its target turns between a range and the end of "
+        f"the step; set dt to {number(shorter)}, or to {number(_LONG * shorter)} at most"
+    )
+    return [warning]
 
 
 def _residuals(dataset: Dataset) -> Floats:
