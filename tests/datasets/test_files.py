@@ -137,14 +137,14 @@ def test_a_folder_in_place_of_a_file_is_said_to_be_one(tmp_path):
         ({"ranges": "t,anchor_id,range\n1,3,-1\n"}, "ranges.csv has negative ranges only"),
         (
             {"ranges": "t,anchor_id,range\n1,3\n"},
-            "not t,anchor_id,range in numbers: line 2 has 2 values",
+            "not t,anchor_id,range in finite numbers: line 2 has 2 values",
         ),
         (
             {"ranges": "t,anchor_id,range\n1,3,x\n"},
-            "ranges.csv has a line that is not t,anchor_id,range in numbers: line 2 has 'x'; correct it",
+            "ranges.csv has a line that is not t,anchor_id,range in finite numbers: line 2 has 'x'; correct it",
         ),
-        ({"ranges": "t,anchor_id,range\n1,3,2\n1,3\n"}, "in numbers: line 3 has 2 values; correct it"),
-        ({"ranges": "t,anchor_id,range\n1,3,nan\n"}, "in finite numbers; correct them"),
+        ({"ranges": "t,anchor_id,range\n1,3,2\n1,3\n"}, "in finite numbers: line 3 has 2 values; correct it"),
+        ({"ranges": "t,anchor_id,range\n1,3,2\n1,3,nan\n"}, "in finite numbers: line 3 has 'nan'; correct it"),
         ({"ranges": "t,anchor_id,range\n1,4,2\n"}, "ranges of anchor 4, which anchors.csv lacks; add it"),
         (
             {"ranges": "t,anchor_id,range\n1,3.5,2\n"},

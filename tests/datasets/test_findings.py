@@ -122,6 +122,14 @@ def test_a_target_at_rest_sticks_no_anchor(tmp_path):
     assert findings(replace(good, ranges=resting)) == []
 
 
+@pytest.mark.parametrize("order", [(1, 0, 2), (2, 1, 0)], ids=["x and y", "x and z"])
+def test_a_truth_with_exchanged_axes_is_told_and_not_taken_for_late(tmp_path, order):
+    good = read_files(as_dataset(written(tmp_path)))
+    names = " and ".join("xyz"[axis] for axis in range(3) if order[axis] != axis)
+    said = f"the truth fits the ranges with its {names} exchanged: exchange the columns"
+    assert findings(replace(good, truth=good.truth[:, order])) == [said]
+
+
 @pytest.mark.parametrize(("late", "remedy"), [(3.0, "subtract 3 s from"), (-2.0, "add 2 s to")])
 def test_a_truth_that_is_late_is_told_with_the_shift(tmp_path, late, remedy):
     good = read_files(as_dataset(written(tmp_path)))

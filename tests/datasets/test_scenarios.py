@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -233,3 +234,13 @@ def test_a_recording_that_fills_too_many_steps_is_refused_with_the_time_that_mak
     folder = write(tmp_path, ranges=f"t,anchor_id,range\n{rows}5e9,3,5.0\n")
     with pytest.raises(UserError, match="more than 10000000: 1 range at t = 5000000000 s far from all others"):
         scenario_of(folder)
+
+
+def test_a_network_that_loses_its_target_at_times_is_not_taken_for_a_wrong_truth():
+    (trace,) = simulate([load("lawnmower", ["steps=150"]).scenario])
+    lost = trace.estimates.copy()
+    lost[:, 60:100, :2] += 300.0
+    said = notes(analyze([replace(trace, estimates=lost)])[0].metrics)
+    assert [one for one in said if one.startswith("the network lost its target at times: NEES is")]
+    said = notes(analyze([replace(trace, truth=trace.truth + 100.0)])[0].metrics)
+    assert [one for one in said if one.startswith(TRUTH)]

@@ -91,3 +91,31 @@ def test_a_motion_at_rest_allows_for_as_far_as_the_target_gets_in_a_step():
     plan = plan_of(*fast, rules=16)
     assert plan.motion.acceleration_std == 2.0 * start.reach(plan.scenario) / plan.scenario.dt**2
     assert plan_of(*fast, rules=15).noises[-1].acceleration_std < plan.motion.acceleration_std
+
+
+def test_few_agents_tell_each_other_their_ranges_of_a_target_that_may_be_anywhere_a_step_later():
+    before, plan = plan_of(*FAST, rules=20), plan_of(*FAST, rules=21)
+    assert before.squares
+    assert not before.tells_ranges
+    assert plan.tells_ranges
+    # Its velocity may become any other one that is as fast: by twice as much as it is in a step, one deviation by half.
+    assert plan.models[-1].acceleration_std == start.reach(plan.scenario) / plan.scenario.dt**2
+    assert plan_of(*MANY, rules=21).squares
+
+
+@pytest.mark.slow
+def test_wrong_ranges_do_not_lose_it():
+    wrong = *FAST, "sensor.outlier_probability=0.3", "sensor.outlier_scale=20"
+    assert rmse(*wrong, "filter.defaults=20") > 10.0
+    assert rmse(*wrong) < 3.0
+
+
+def test_a_target_that_is_told_to_be_slow_gets_no_farther_than_six_deviations():
+    slow = "target.motion=circle", "target.period=320", "dt=1.6", "filter.initial_velocity_std=0.05"
+    before, plan = plan_of(*slow, rules=20), plan_of(*slow, rules=21)
+    assert before.squares
+    assert plan.tells_ranges
+    assert start.reach(before.scenario) == pytest.approx(3.0 * 1.6)
+    assert start.reach(plan.scenario) == pytest.approx(6.0 * 0.05 * 1.6)
+    known = plan_of(*slow, "filter.initial_velocity=[0.5,0,0]", rules=21)
+    assert start.reach(known.scenario) == pytest.approx(0.5 * 1.6)

@@ -20,6 +20,7 @@ FAULTS = ", ".join(KINDS_OF_FAULTS)
 
 REFUSED = {
     'steps = "300"': "steps must be a whole number, not '300'",
+    "target.orders = [{from = 3}]": "target.orders[0].to is missing; add it",
     "steps = true": "steps must be a whole number, not true",
     "steps = 3.0": "steps must be a whole number, not 3.0",
     "steps = 0": "steps must be greater than or equal to 1, not 0",

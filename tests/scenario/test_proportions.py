@@ -112,3 +112,21 @@ def test_a_filter_that_takes_a_wide_guess_as_it_is_is_warned_of(sets, remedy):
 @pytest.mark.parametrize("sets", [(), ("filter.kind=icf",), ("filter.kind=cbef",), ("agents.count=16",)])
 def test_not_of_one_that_makes_a_fix_or_needs_none(sets):
     assert not [one for one in said(*sets, *WIDE) if "no first fix" in one]
+
+
+def test_steps_in_which_a_recorded_target_turns_are_told(tmp_path):
+    keys = recorded(tmp_path, 0.1)
+    [told] = [one for one in said(*keys, "dt=1.5") if "long for this recording" in one]
+    assert "set dt to 0.2, or to 0.4 at most" in told
+    assert not [one for one in said(*keys, "dt=0.4") if "long for this recording" in one]
+
+
+def test_recorded_anchors_near_one_plane_are_told_where_no_height_is_given(tmp_path):
+    keys = recorded(tmp_path, 0.1)
+    rows = (tmp_path / "anchors.csv").read_text().splitlines()
+    heights = "8.0", "9.0", "8.9", "8.1"
+    level = [",".join([*row.split(",")[:3], height]) for row, height in zip(rows[1:], heights, strict=True)]
+    assert not [one for one in said(*keys) if "mirror image" in one]
+    (tmp_path / "anchors.csv").write_text("\n".join([rows[0], *level]))
+    assert [one for one in said(*keys) if "may track the mirror image of the target; give filter.planar_height" in one]
+    assert not [one for one in said(*keys, "filter.planar_height=3") if "mirror image" in one]

@@ -109,3 +109,30 @@ def test_a_first_fix_knows_no_side_that_guesses_do_not_tell(keys, said):
     """The target begins in the plane, and by older rules the network is 3 m off on the other side."""
     (trace,) = simulate([load("tracking", [*FLAT, *keys]).scenario])
     assert (trace.diagnostics.status[:, -1] == said).all()
+
+
+CEILING = (
+    "sensor.real=true",
+    "agents.count=6",
+    "agents.positions=[[0,0,5.1],[30,0,4.9],[30,20,5],[0,20,5.1],[15,10,4.9],[8,2,5]]",
+    "target.position=[12,9,1]",
+    "target.velocity=[0.3,0.2,0]",
+    "filter.initial_position_std=20",
+    "steps=60",
+)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ((), ACQUIRING),
+        (("filter.defaults=20",), TRACKING),
+        (("filter.initial_position=[12,9,1]", "filter.initial_position_std=1"), TRACKING),
+        (("filter.initial_position=[12,9,1]", "filter.initial_position_std=3"), ACQUIRING),
+        (("agents.positions=[[0,0,5],[30,0,1],[30,20,5],[0,20,1],[15,10,5],[8,2,1]]",), TRACKING),
+    ],
+    ids=["told nothing", "older rules", "a guess below", "a vague guess", "off the plane"],
+)
+def test_anchors_under_a_ceiling_track_where_a_guess_tells_the_side(more, said):
+    (trace,) = simulate([load("tracking", [*CEILING, *more]).scenario])
+    assert (trace.diagnostics.status[:, 40:] == said).all()

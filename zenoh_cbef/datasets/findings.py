@@ -8,6 +8,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets.anchorwise import scaled_anchors, stuck_anchors
+from zenoh_cbef.datasets.axes import exchanged_axes
 from zenoh_cbef.datasets.dataset import Dataset
 from zenoh_cbef.datasets.fixes import is_planar
 from zenoh_cbef.datasets.gaps import gap
@@ -39,7 +40,10 @@ def findings(dataset: Dataset) -> list[str]:
     wrong = stuck_anchors(dataset) or scaled_anchors(dataset) or _unit(dataset)
     wrong += _clock(dataset) + _marks(dataset)
     silence = gap(dataset)
-    late = None if wrong or not dataset.has_truth else lateness(dataset)
+    turned = None if wrong or not dataset.has_truth else exchanged_axes(dataset)
+    late = None if wrong or turned or not dataset.has_truth else lateness(dataset)
+    if turned:
+        wrong += [f"the truth fits the ranges with its {turned[0]} and {turned[1]} exchanged: exchange the columns"]
     order = [] if wrong or late is not None else swapped(dataset)
     told = [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *order]
     # Of anchors at one height an import asks for the target's.

@@ -26,7 +26,7 @@ def lateness(dataset: Dataset) -> float | None:
     A shift is judged by how much ranges scatter about the distances to the truth, each anchor's about their own median:
     so neither biases nor outliers count.
     """
-    chosen = np.unique(np.linspace(0, len(dataset.ranges) - 1, _MOST).astype(np.intp))
+    chosen = compared(dataset)
     begin, end = float(dataset.range_time[0]), float(dataset.range_time[-1])
     first, last = (float(dataset.truth_time[at]) for at in (0, -1))
     width = (last - begin) - (first - end)
@@ -35,7 +35,7 @@ def lateness(dataset: Dataset) -> float | None:
     least = max(_LEAST, _ENOUGH * len(chosen) * min(1.0, (last - first) / (end - begin)))
 
     def misfits(shifts: Floats) -> Floats:
-        return np.array([_misfit(dataset, chosen, shift, least) for shift in shifts])
+        return np.array([scatter_about_truth(dataset, chosen, shift, least) for shift in shifts])
 
     shifts = np.linspace(first - end, last - begin, _MOST)
     found = misfits(shifts)
@@ -53,7 +53,12 @@ def lateness(dataset: Dataset) -> float | None:
     return best if now > _SMALLEST * float(np.median(dataset.ranges)) and then < now / _TIMES else None
 
 
-def _misfit(dataset: Dataset, chosen: NDArray[np.intp], shift: float, least: float) -> float:
+def compared(dataset: Dataset) -> NDArray[np.intp]:
+    """The places of ranges that are compared, evenly spread."""
+    return np.unique(np.linspace(0, len(dataset.ranges) - 1, _MOST).astype(np.intp))
+
+
+def scatter_about_truth(dataset: Dataset, chosen: NDArray[np.intp], shift: float = 0.0, least: float = _LEAST) -> float:
     """How much ranges scatter about a truth that is taken `shift` seconds later, m; inf where too few have one."""
     times = dataset.range_time[chosen] + shift
     known = dataset.knows_truth(times)

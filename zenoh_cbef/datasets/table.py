@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,10 +41,9 @@ def read_table(folder: Path, name: str) -> Table:
         numbers = np.array([[float(values[place]) for place in kept] for values in rows])
     except (ValueError, IndexError):
         numbers = None
-    if numbers is None or any(len(values) != len(columns) for values in rows):
-        raise UserError(f"{path} has a line that is not {COLUMNS[name]} in numbers: {_flaw(path, columns)}; correct it")
-    if not np.isfinite(numbers).all():
-        raise UserError(f"{path} has rows that are not {COLUMNS[name]} in finite numbers; correct them")
+    if numbers is None or any(len(values) != len(columns) for values in rows) or not np.isfinite(numbers).all():
+        flaw = _flaw(path, columns)
+        raise UserError(f"{path} has a line that is not {COLUMNS[name]} in finite numbers: {flaw}; correct it")
     for place, values in zip(kept, numbers.T, strict=True):
         column, most = columns[place], MOST[columns[place]]
         if (np.abs(values) > most).any():
@@ -92,14 +92,16 @@ def _label(text: str, path: Path) -> str:
 
 
 def _flaw(path: Path, columns: Sequence[str]) -> str:
-    """Where the first line is that does not hold so many numbers, and what it holds instead."""
+    """Where the first line is that does not hold so many finite numbers, and what it holds instead."""
     for number, line in enumerate(_lines(path)[1:], start=2):
         values = line.split(",")
         if line.strip() and len(values) != len(columns):
             return f"line {number} has {counted(len(values), 'value')}"
         for column, value in zip(columns, values if line.strip() else (), strict=False):
             try:
-                float("0" if column in _NAMING else value)
+                known = math.isfinite(float("0" if column in _NAMING else value))
             except ValueError:
+                known = False
+            if not known:
                 return f"line {number} has {value.strip()!r:.40}"
     return "a number is written in an unusual way"

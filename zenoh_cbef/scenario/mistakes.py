@@ -190,7 +190,8 @@ def _tables(annotation: object) -> list[type[BaseModel]]:
 
 def _tables_or_values(annotation: object) -> bool:
     """Whether a key takes a table, or something else."""
-    kinds = {isinstance(part, type) and issubclass(part, BaseModel) for part in get_args(annotation)}
+    parts = (part for part in get_args(annotation) if part is not Ellipsis)
+    kinds = {isinstance(part, type) and issubclass(part, BaseModel) for part in parts}
     return len(kinds) == 2
 
 
