@@ -93,9 +93,11 @@ def assumed_models(
         agile = max(agile, turning_round(scenario))
     fastest = reversing(scenario) if chosen.acceleration_std is None else 0.0
     sudden = [(chosen.agile, fastest)] if fastest > _SUDDEN * agile else []
+    # In steps in which it may turn round all the same, hypotheses are split closely (telling.leaves_curves).
+    strays = told and leaps and not sudden and agile > turning_round(scenario) and chosen.defaults > 20
     if sudden and not told:
         agile, sudden = fastest, []
-    elif (told is False and chosen.defaults > 17) or (told and leaps and not sudden and chosen.defaults > 20):
+    elif strays or (told is False and chosen.defaults > 17):
         # Ranges that no motion explains count for nothing there: a velocity may become any other one that is as fast.
         agile = max(agile, fastest / _ROUND)
     if chosen.acceleration_std is None and chosen.defaults > 13:
