@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +76,7 @@ def _field(rng: np.random.Generator) -> Floats:
     return corners
 
 
+_DRONE = Kind(_hall, (3.0, 3.0, 2.0), (27.0, 27.0, 9.0), 5.0, 120.0, 0.05, (9.0, 11.0), 0.1, 0.1, 0.05, (0.02, 3.0))
 _WALK: dict[str, Any] = {"speed": 1.0, "seconds": 120.0, "dt": 0.1, "rate": (10.0, 20.0), "std": 0.07}
 KINDS = {
     "indoors, biased": Kind(_room, (1.0, 1.0, 0.8), (11.0, 7.0, 1.6), **_WALK, common=0.15, own=0.05),
@@ -97,9 +98,8 @@ KINDS = {
         (0.006, 30.0),
         height=1.0,
     ),
-    "drone": Kind(
-        _hall, (3.0, 3.0, 2.0), (27.0, 27.0, 9.0), 5.0, 120.0, 0.05, (9.0, 11.0), 0.1, 0.1, 0.05, (0.02, 3.0)
-    ),
+    "drone": _DRONE,
+    "drone among outliers": replace(_DRONE, outliers=(0.2, 15.0)),
     "large field": Kind(
         _field,
         (-30.0, -25.0, 0.0),
@@ -113,6 +113,9 @@ KINDS = {
         0.4,
         (0.2, 4.0),
         height=0.0,
+    ),
+    "rare ranges": Kind(
+        _hall, (3.0, 3.0, 1.1), (27.0, 27.0, 1.1), 1.3, 200.0, 0.25, (0.7, 0.7), 0.08, 0.1, 0.03, (0.1, 1.0), height=1.1
     ),
     "hall, scaled": Kind(
         _hall, (3.0, 3.0, 2.0), (27.0, 27.0, 6.0), 1.5, 120.0, 0.1, (9.0, 11.0), 0.1, 0.1, 0.03, share=0.02
