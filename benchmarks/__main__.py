@@ -71,6 +71,7 @@ BENCHMARKS = {
 
 _OPTIONS = {
     "filters": ("data", "write"),
+    "held-out": ("case", "set"),
     "scale": ("agents",),
     "large": ("million",),
     "hosts": ("agents",),
@@ -91,13 +92,17 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="filters: the folder that holds the recorded sets")
     parser.add_argument("--minutes", type=float, default=10.0, help="soak, ring-soak: how long the run is, after kills")
     parser.add_argument("--kills", type=int, default=200, help="ring-soak: how many recorders, and agents, are killed")
-    parser.add_argument("--case", help="stress: the one case to run; default: all")
+    parser.add_argument("--case", help="stress, held-out: the one case to run; default: all")
     parser.add_argument("--seeds", type=int, default=50, help="stress, parted, motions: how many seeds of each case")
     parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")
     parser.add_argument("--million", action="store_true", help="large: a million agents, too")
     parser.add_argument("--first", type=int, default=1001, help="stress, parted, motions: the first seed")
     parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="stress, realtime: a key; may be repeated"
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="stress, realtime, held-out: a key; may be repeated",
     )
     parser.add_argument("--search", type=int, default=0, help="stress: try so many random cases, keep what it finds")
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")

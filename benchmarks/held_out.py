@@ -14,6 +14,7 @@ from rich.table import Table
 from benchmarks.common import followed, plain_table
 from benchmarks.recorded import WRONG, errors
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.errors import UserError
 
 SEEDS = 3
 BIASES = ("none", "estimate", "auto")
@@ -182,12 +183,15 @@ def settings(kind: Kind, folder: Path) -> dict[str, object]:
     return given if kind.height is None else given | {"filter.planar_height": kind.height}
 
 
-def run(repeats: int) -> Iterator[Table]:
-    """Per kind and setting of filter.bias, over some seeds; nothing is timed."""
+def run(repeats: int, *, case: str | None = None, set: Sequence[str] = ()) -> Iterator[Table]:  # noqa: A002 - the option's name
+    """Per kind, or of one, and setting of filter.bias, over some seeds; nothing is timed. set: keys that differ."""
     del repeats
+    if case is not None and case not in KINDS:
+        raise UserError(f"there is no made-up set {case!r}; there are {', '.join(KINDS)}")
+    told = dict(one.split("=", 1) for one in set)
     rows, wrong = [], []
     with tempfile.TemporaryDirectory() as place:
-        for name, kind in KINDS.items():
+        for name, kind in KINDS.items() if case is None else [(case, KINDS[case])]:
             folders = [Path(place) / f"{name} {seed}" for seed in range(SEEDS)]
             for seed, folder in enumerate(folders):
                 write(kind, seed, folder)
@@ -195,7 +199,7 @@ def run(repeats: int) -> Iterator[Table]:
             varied += [("filter.range_std", factor * kind.std) for factor in WRONG]
             # What is not varied is as told: biases "auto", and the noise that the set was made with.
             scored = [
-                [errors(settings(kind, folder) | {key: value}) for folder in folders]
+                [errors(settings(kind, folder) | told | {key: value}) for folder in folders]
                 for key, value in followed(varied, name)
             ]
             rows += [[name, bias, *_spread(found)] for bias, found in zip(BIASES, scored, strict=False)]
