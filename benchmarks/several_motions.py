@@ -47,9 +47,10 @@ def keys(plan: Plan, noises: Sequence[float], switching: float | str) -> list[st
         for kind in ("ncv", "turn")
         for index in noises
     ]
+    _, _, *between, most = plan.models
     agile = [
         f'{{motion="{kind}",acceleration_std={one.acceleration_std!r}}}'
-        for kind, one in zip(("ncv", "jump"), plan.models[2:], strict=True)
+        for kind, one in [*(("ncv", one) for one in between), ("jump", most)]
     ]
     return ["filter.motion=imm", f"filter.models=[{','.join(calm + agile)}]", f"filter.switching={switching}"]
 

@@ -22,6 +22,7 @@ from benchmarks import (  # noqa: E402
     realtime,
     recorded,
     rivals,
+    several_motions,
     soak,
     stress,
     stress_search,
@@ -32,10 +33,12 @@ from benchmarks.fuzz_logs import fuzz_logs  # noqa: E402
 from benchmarks.fuzz_material import Material  # noqa: E402
 from benchmarks.reach import reaches  # noqa: E402
 from benchmarks.rival_process import first_payload  # noqa: E402
+from benchmarks.stress import cases, scenario_of  # noqa: E402
 from benchmarks.watched_round import STEP, Stopwatch  # noqa: E402
 from zenoh_cbef.datasets import read_dataset  # noqa: E402
 from zenoh_cbef.scenario.build import batch_tracker  # noqa: E402
 from zenoh_cbef.scenario.load import load  # noqa: E402
+from zenoh_cbef.scenario.plan import Plan  # noqa: E402
 from zenoh_cbef.simulator import simulate  # noqa: E402
 
 SHORT = ("steps=40",)
@@ -363,3 +366,13 @@ def heard_of(heard: np.ndarray, steps: np.ndarray) -> set[int]:
     """The agents of whom a range is there in all of the steps."""
     assert set(heard[:, steps].mean(axis=1).tolist()) <= {0.0, 1.0}
     return set(np.flatnonzero(heard[:, steps].all(axis=1)).tolist())
+
+
+@pytest.mark.parametrize("case", several_motions.CASES)
+def test_other_calm_motions_stand_beside_the_agile_ones_that_a_plan_assumes(case):
+    keys = cases()[case]
+    plan = Plan(scenario_of(keys))
+    for noises, switching in several_motions.CALM.values():
+        other = Plan(scenario_of(keys, several_motions.keys(plan, noises, switching)))
+        assert len(other.models) == 2 * len(noises) + len(plan.models) - 2
+        assert other.models[-1].acceleration_std == plan.models[-1].acceleration_std
