@@ -100,6 +100,9 @@ def test_biases_are_estimated_beside_several_motions_by_agents_that_tell_their_r
     assert plan.settings.switching.size == 2 * plan.space.axes + together * plan.scenario.count
 
 
+LEAPS = ["dt=0.3", "target.motion=lemniscate", "target.radius=3", "target.period=2"]
+
+
 @pytest.mark.parametrize(
     ("more", "tells"),
     [
@@ -116,7 +119,8 @@ def test_biases_are_estimated_beside_several_motions_by_agents_that_tell_their_r
         (["filter.range_std=0.2"], False),
         (["filter.start=given"], False),
         (["timing.mode=realtime"], False),
-        (["dt=0.3", "target.motion=lemniscate", "target.radius=3", "target.period=2"], False),
+        (LEAPS, True),
+        ([*LEAPS, "filter.defaults=20"], False),
     ],
     ids=lambda one: " ".join(one) if isinstance(one, list) else None,
 )
