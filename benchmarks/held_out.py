@@ -183,12 +183,17 @@ def settings(kind: Kind, folder: Path) -> dict[str, object]:
     return given if kind.height is None else given | {"filter.planar_height": kind.height}
 
 
-def run(repeats: int, *, case: str | None = None, set: Sequence[str] = ()) -> Iterator[Table]:  # noqa: A002 - the option's name
+def run(
+    repeats: int,
+    *,
+    case: str | None = None,
+    set: Sequence[str] = (),  # noqa: A002 - the option's name
+) -> Iterator[Table]:
     """Per kind, or of one, and setting of filter.bias, over some seeds; nothing is timed. set: keys that differ."""
     del repeats
     if case is not None and case not in KINDS:
         raise UserError(f"there is no made-up set {case!r}; there are {', '.join(KINDS)}")
-    told = dict(one.split("=", 1) for one in set)
+    told = {key: value for key, _, value in (one.partition("=") for one in set)}
     rows, wrong = [], []
     with tempfile.TemporaryDirectory() as place:
         for name, kind in KINDS.items() if case is None else [(case, KINDS[case])]:

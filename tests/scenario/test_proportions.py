@@ -129,4 +129,13 @@ def test_recorded_anchors_near_one_plane_are_told_where_no_height_is_given(tmp_p
     assert not [one for one in said(*keys) if "mirror image" in one]
     (tmp_path / "anchors.csv").write_text("\n".join([rows[0], *level]))
     assert [one for one in said(*keys) if "may track the mirror image of the target; give filter.planar_height" in one]
-    assert not [one for one in said(*keys, "filter.planar_height=3") if "mirror image" in one]
+    guess = "filter.initial_position=[5,5,3]"
+    for told in (["filter.planar_height=3"], [guess, "filter.initial_position_std=1"]):
+        assert not [one for one in said(*keys, *told) if "mirror image" in one]
+    assert [one for one in said(*keys, guess, "filter.initial_position_std=9") if "mirror image" in one]
+
+
+def test_anchors_that_a_coarse_noise_leaves_near_one_plane_are_told(tmp_path):
+    keys = recorded(tmp_path, 0.1)
+    assert not [one for one in said(*keys, "filter.range_std=0.1") if "mirror image" in one]
+    assert [one for one in said(*keys, "filter.range_std=2.0") if "mirror image" in one]

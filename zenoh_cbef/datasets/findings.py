@@ -40,10 +40,8 @@ def findings(dataset: Dataset) -> list[str]:
     wrong = stuck_anchors(dataset) or scaled_anchors(dataset) or _unit(dataset)
     wrong += _clock(dataset) + _marks(dataset)
     silence = gap(dataset)
-    turned = None if wrong or not dataset.has_truth else exchanged_axes(dataset)
-    late = None if wrong or turned or not dataset.has_truth else lateness(dataset)
-    if turned:
-        wrong += [f"the truth fits the ranges with its {turned[0]} and {turned[1]} exchanged: exchange the columns"]
+    wrong = wrong or _exchanged(dataset)
+    late = None if wrong or not dataset.has_truth else lateness(dataset)
     order = [] if wrong or late is not None else swapped(dataset)
     told = [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *order]
     # Of anchors at one height an import asks for the target's.
@@ -53,6 +51,11 @@ def findings(dataset: Dataset) -> list[str]:
 def _unit(dataset: Dataset) -> list[str]:
     unit = odd_unit(dataset)
     return [] if unit is None else [unit.said]
+
+
+def _exchanged(dataset: Dataset) -> list[str]:
+    axes = exchanged_axes(dataset) if dataset.has_truth else None
+    return [f"the truth fits the ranges with its {' and '.join(axes)} exchanged: exchange the columns"] if axes else []
 
 
 def _marks(dataset: Dataset) -> list[str]:
@@ -65,17 +68,20 @@ def _marks(dataset: Dataset) -> list[str]:
     return [f"{said}: leave out what says that nothing was measured"]
 
 
-def mirrored(anchors: Floats) -> list[str]:
-    """Whether anchors in space, (n, 3), m, are so near one plane that ranges fit a mirror image as well: a sentence."""
+def mirrored(anchors: Floats, near: float = 0.0) -> list[str]:
+    """Whether anchors in space, (n, 3), m, are so near one plane that ranges fit a mirror image as well: a sentence.
+
+    near: how far off one, m, they are near it in any case.
+    """
     count = len(anchors)
     if count < _IN_SPACE:
         return []
     spread = np.linalg.svd(anchors - anchors.mean(axis=0), compute_uv=False) / np.sqrt(count)
-    if spread[2] > _NEAR * spread[1]:
+    if spread[2] > max(_NEAR * spread[1], near):
         return []
-    near = f"anchors are {number(float(spread[2]))} m off one plane, and a run may track the mirror image of the target"
+    said = f"anchors are {number(float(spread[2]))} m off one plane, and a run may track the mirror image of the target"
     given = "filter.initial_position on its side of that plane, with a filter.initial_position_std that leaves it there"
-    return [f"{near}; give filter.planar_height, or at least {given}"]
+    return [f"{said}; give filter.planar_height, or at least {given}"]
 
 
 def _clock(dataset: Dataset) -> list[str]:

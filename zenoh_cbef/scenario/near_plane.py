@@ -12,7 +12,7 @@ from zenoh_cbef.tracking.filters.finding.beside import APART
 Plane = tuple[tuple[float, ...], tuple[float, ...]]
 """A point of it and its normal, by the estimated axes, m and 1."""
 
-_NEAR = 3.0
+NEAR = 3.0
 """How far off it agents are, root mean square in units of the noise: a range tells mirror images apart by twice that at
 most, and by less of a target that is not straight above.
 """
@@ -54,17 +54,22 @@ def anchors_leave_sides(scenario: Scenario, range_std: float, axes: int) -> bool
     """
     real = trust.real(scenario) and scenario.filter.defaults > 20 and scenario.agents.motion == "static"
     flat = real and scenario.count >= axes and _lies_flat(scenario, range_std, axes)
+    return flat and not guess_tells_side(scenario, axes)
+
+
+def guess_tells_side(scenario: Scenario, axes: int) -> bool:
+    """Whether a guess is given that is surely on one side of the plane that agents are nearest to."""
     guess = scenario.filter.initial_position
-    if not flat or guess is None:
-        return flat
+    if guess is None:
+        return False
     _, directions, middle = _spread(scenario, axes)
     heights = (np.atleast_2d(guess)[:, :axes] - middle) @ directions[0]
-    return not bool((2.0 * np.abs(heights) >= APART * start.initial_std(scenario)[0]).all())
+    return bool((2.0 * np.abs(heights) >= APART * start.initial_std(scenario)[0]).all())
 
 
 def _lies_flat(scenario: Scenario, range_std: float, axes: int) -> bool:
     spread = _spread(scenario, axes)[0]
-    return bool(spread[0] <= _NEAR * range_std and spread[1] >= _FLAT * spread[0])
+    return bool(spread[0] <= NEAR * range_std and spread[1] >= _FLAT * spread[0])
 
 
 def _spread(scenario: Scenario, axes: int) -> tuple[Floats, Floats, Floats]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.datasets.findings import mirrored
-from zenoh_cbef.scenario import paths
+from zenoh_cbef.scenario import near_plane, paths
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import target_path
 from zenoh_cbef.tracking.sight import MIRRORED, open_axes
@@ -112,7 +112,8 @@ def determined(plan: Plan) -> bool:
 def _weak_geometry(plan: Plan) -> list[str]:
     """Agents that are so nearly on one line or in one plane that ranges say little about one direction."""
     if plan.scenario.target.motion == "dataset":
-        return mirrored(paths.placement(plan.scenario)) if plan.space.height is None else []
+        told = plan.space.height is not None or near_plane.guess_tells_side(plan.scenario, plan.space.axes)
+        return [] if told else mirrored(paths.placement(plan.scenario), near_plane.NEAR * plan.range_std)
     moments = max(1, min(plan.scenario.length, _MOMENTS, _PLACES // plan.scenario.count))
     path = target_path(plan.scenario.changed(steps=moments))[1:, :3]
     away = path - paths.agent_positions(plan.scenario.changed(steps=moments))
