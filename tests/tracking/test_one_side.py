@@ -136,3 +136,10 @@ CEILING = (
 def test_anchors_under_a_ceiling_track_where_a_guess_tells_the_side(more, said):
     (trace,) = simulate([load("tracking", [*CEILING, *more]).scenario])
     assert (trace.diagnostics.status[:, 40:] == said).all()
+
+
+@pytest.mark.parametrize(("std", "sides"), [(1, False), (3, True)])
+def test_agents_under_a_ceiling_tell_no_places_where_a_guess_tells_the_side(std, sides):
+    told = "filter.initial_position=[12,9,1]", f"filter.initial_position_std={std}"
+    assert Plan(load("tracking", [*CEILING, *told]).scenario).settings.sides is sides
+    assert Plan(load("tracking", CEILING).scenario).settings.sides is True
