@@ -31,8 +31,10 @@ class Kind:
 
     rate: ranges of an anchor per second, least and most. std: of their noise, m. common: the bias of all anchors,
     own: standard deviation of what each has besides, m. share: by which all ranges are too long. outliers: the share
-    of ranges that are too long, and by how much on average, m. height: the filter's planar height, m; None: it
-    estimates three axes.
+    of ranges that are too long, and by how much on average, m. reflected: for how long ranges of an anchor are too
+    long, and for how long they are not, s on average, and by how much then, m. rest: for how long the target rests at
+    first, s. rounding: what its turns are rounded over, s. height: the filter's planar height, m; None: it estimates
+    three axes.
     """
 
     anchors: Callable[[np.random.Generator], Floats]
@@ -47,6 +49,9 @@ class Kind:
     own: float = 0.0
     outliers: tuple[float, float] = (0.0, 0.0)
     share: float = 0.0
+    reflected: tuple[float, float, float] | None = None
+    rest: float = 0.0
+    rounding: float = 1.5
     height: float | None = None
 
 
@@ -78,6 +83,7 @@ def _field(rng: np.random.Generator) -> Floats:
 
 
 _DRONE = Kind(_hall, (3.0, 3.0, 2.0), (27.0, 27.0, 9.0), 5.0, 120.0, 0.05, (9.0, 11.0), 0.1, 0.1, 0.05, (0.02, 3.0))
+_PLANE: dict[str, Any] = {"dt": 0.1, "rate": (9.0, 11.0), "std": 0.08, "height": 1.1}
 _WALK: dict[str, Any] = {"speed": 1.0, "seconds": 120.0, "dt": 0.1, "rate": (10.0, 20.0), "std": 0.07}
 KINDS = {
     "indoors, biased": Kind(_room, (1.0, 1.0, 0.8), (11.0, 7.0, 1.6), **_WALK, common=0.15, own=0.05),
@@ -118,6 +124,11 @@ KINDS = {
     "rare ranges": Kind(
         _hall, (3.0, 3.0, 1.1), (27.0, 27.0, 1.1), 1.3, 200.0, 0.25, (0.7, 0.7), 0.08, 0.1, 0.03, (0.1, 1.0), height=1.1
     ),
+    "hall, sharp turns": Kind(_hall, (3.0, 3.0, 1.1), (27.0, 27.0, 1.1), 1.4, 90.0, **_PLANE, rounding=0.8),
+    "hall, reflections": Kind(
+        _hall, (3.0, 3.0, 1.1), (27.0, 27.0, 1.1), 1.4, 90.0, **_PLANE, rounding=0.8, reflected=(4.0, 14.0, 0.8)
+    ),
+    "driven off": Kind(_hall, (3.0, 3.0, 1.1), (27.0, 27.0, 1.1), 6.0, 60.0, **_PLANE, rest=30.0),
     "hall, scaled": Kind(
         _hall, (3.0, 3.0, 2.0), (27.0, 27.0, 6.0), 1.5, 120.0, 0.1, (9.0, 11.0), 0.1, 0.1, 0.03, share=0.02
     ),
@@ -142,6 +153,8 @@ def write(kind: Kind, seed: int, folder: Path) -> None:
         error = bias[anchor] + kind.std * rng.standard_normal(len(at))
         late = rng.uniform(size=len(at)) < kind.outliers[0]
         error += late * rng.exponential(kind.outliers[1] or 1.0, len(at))
+        if kind.reflected is not None:
+            error += _reflected(at, *kind.reflected, rng)
         ranges = (1.0 + kind.share) * np.linalg.norm(position - place, axis=1) + error
         rows += [(t, anchor, value) for t, value in zip(at.tolist(), ranges.tolist(), strict=True)]
     folder.mkdir(parents=True, exist_ok=True)
@@ -150,8 +163,18 @@ def write(kind: Kind, seed: int, folder: Path) -> None:
     _csv(folder / "truth.csv", "t,x,y,z", [(t, *place) for t, place in zip(time.tolist(), truth.tolist(), strict=True)])
 
 
+def _reflected(at: Floats, during: float, between: float, excess: float, rng: np.random.Generator) -> Floats:
+    """By how much ranges at these times are too long, m, as the straight way to an anchor is hidden now and then."""
+    error, begin = np.zeros_like(at), rng.exponential(between)
+    while begin < at[-1]:
+        end = begin + rng.exponential(during)
+        error[(at >= begin) & (at < end)] = rng.exponential(excess)
+        begin = end + rng.exponential(between)
+    return error
+
+
 def _walk(kind: Kind, rng: np.random.Generator, time: Floats) -> Floats:
-    """A walk from one random point of the area to the next, turns rounded over about a second, (k, 3)."""
+    """A walk from one random point of the area to the next, turns rounded, (k, 3)."""
     low, high = np.array(kind.low), np.array(kind.high)
     points, lengths = [rng.uniform(low, high)], [0.0]
     while lengths[-1] < kind.speed * (time[-1] + 4.0):
@@ -159,9 +182,11 @@ def _walk(kind: Kind, rng: np.random.Generator, time: Floats) -> Floats:
         lengths.append(lengths[-1] + float(np.linalg.norm(points[-1] - points[-2])))
     path = np.array(points)
     step = float(time[1] - time[0])
-    window = np.hanning(max(3, int(1.5 / step)) + 2)
+    window = np.hanning(max(3, int(kind.rounding / step)) + 2)
     fine = np.arange(-len(window), len(time) + len(window)) * step
-    raw = np.stack([np.interp(kind.speed * fine, lengths, path[:, axis]) for axis in range(3)], axis=1)
+    raw = np.stack(
+        [np.interp(kind.speed * np.maximum(fine - kind.rest, 0.0), lengths, path[:, axis]) for axis in range(3)], axis=1
+    )
     smooth = [np.convolve(raw[:, axis], window / window.sum(), mode="same") for axis in range(3)]
     return np.stack(smooth, axis=1)[len(window) : len(window) + len(time)]
 

@@ -30,7 +30,7 @@ class Filter(Table):
     """The estimation filter and its settings. None: the value follows from target and sensor."""
 
     kind: str = "sicf"
-    defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21] = 21
+    defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22] = 22
     """The rules by which `auto` and None decide, 1 those of version 0.2.0 and before it.
 
     Logs hold `auto` as such, so a change of what it means is a new number, and old logs keep theirs (see legacy.py).
@@ -45,7 +45,8 @@ class Filter(Table):
     saturation: Literal["auto", "bounded", "redescending"] = "auto"
     """auto: redescending where ranges are real, the scenario's sensor has outliers, or a first fix finds a target whose
     motion is ncv, or one of several that the filter assumes."""
-    recovery: bool = False
+    recovery: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
+    """auto: on where ranges are real, which a target that suddenly moves otherwise makes look wrong."""
     distrust: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
     """auto: on where ranges are real or receivers have faults."""
     membership: Annotated[bool | Literal["auto"], Field(description="true, false or 'auto'")] = "auto"
@@ -150,7 +151,7 @@ class Filter(Table):
             f"filter.linearise = 'after' is not for {kind!r}; set filter.kind = 'sicf' or 'icf', or filter.linearise = "
             "'auto', which leaves other filters alone": self.linearise == "after" and not able.biases,
             f"filter.recovery is for filters that average information, not for {kind!r}; set filter.kind = 'sicf', or "
-            "leave filter.recovery out": self.recovery and not able.information,
+            "leave filter.recovery out": self.recovery is True and not able.information,
             f"filter.lag_seconds needs to know how sure each estimate is, and {kind!r} has no covariance; set "
             "filter.kind = 'sicf', or leave filter.lag_seconds out": self.lag_seconds > 0.0 and not able.covariance,
             f"filter.distrust compares what neighbours say of their own ranges, so it is not for {kind!r} on "

@@ -76,7 +76,7 @@ class Filtering(Meant):
     def _switches(self) -> bool:
         """Whether the filter assumes that the target switches between motions."""
         biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
-        single = self.distrusts_others or (self.scenario.filter.recovery and self.scenario.filter.defaults < 4)
+        single = self.distrusts_others or (self.scenario.filter.recovery is True and self.scenario.filter.defaults < 4)
         single |= biased and not telling.tells_biased(self.scenario, self.space.axes)
         return switches(self.scenario, alone=single or not self.abilities.models)
 
@@ -88,7 +88,7 @@ class Filtering(Meant):
         """
         single = self.bias != "none" or self.distrusts_others or self.models or self.plane
         mistaken = self.tells_ranges and telling.may_mistake(self.scenario, self.range_std, self.space.axes)
-        unfit = single or mistaken or not self.abilities.models or self.scenario.filter.recovery
+        unfit = single or mistaken or not self.abilities.models or trust.recovers(self.scenario)
         return () if unfit else doubted_noises(self.scenario, self.motion, told=self.tells_ranges, leaps=self._leaps)
 
     @alike
@@ -137,7 +137,7 @@ class Filtering(Meant):
         """What the filter does about biases: none, estimate, or auto where it can weigh them."""
         chosen = self.scenario.filter
         fits = trust.shares_biases(self.scenario) if self.tells_ranges else not self.models
-        single = self.distrusts_others or (chosen.recovery and chosen.defaults < 2)
+        single = self.distrusts_others or (chosen.recovery is True and chosen.defaults < 2)
         unfit = single or not (fits and isinstance(self.motion, LinearMotion))
         return trust.bias(self.scenario, unfit=unfit)
 
@@ -212,7 +212,8 @@ class Filtering(Meant):
         doubts = able and trust.doubts_noise(scenario, several=bool(self.models))
         return replace(
             settings,
-            recovers=start.implausible_share(scenario) if chosen.recovery else 0.0,
+            recovers=start.implausible_share(scenario) * trust.recovers(scenario),
+            sudden=trust.real(scenario) and chosen.defaults > 21,
             distrusts=self.distrusts_own,
             bias=self.bias,
             joint_biases=joint,

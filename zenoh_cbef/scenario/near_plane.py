@@ -34,7 +34,7 @@ def plane(scenario: Scenario, range_std: float, axes: int) -> Plane | None:
     agents = scenario.agents
     unfit = (
         scenario.filter.defaults < 9
-        or scenario.filter.recovery
+        or trust.recovers(scenario)
         or trust.real(scenario)
         or scenario.consensus.rounds == 0
     )

@@ -71,10 +71,11 @@ def _may(scenario: Scenario, least: int, *, several: bool) -> bool:
     """
     chosen, stage = scenario.filter, scenario.consensus
     able = abilities_of(chosen.kind)
-    left_open = (chosen.xi, chosen.saturation, chosen.linearise, chosen.bias) == ("auto",) * 4 and not chosen.recovery
+    left_open = (chosen.xi, chosen.saturation, chosen.linearise, chosen.bias) == ("auto",) * 4
     exact = stage.precision == "float64" and not (stage.trigger or stage.lag or stage.trim)
     honest = not (trust.suspects(scenario) or trust.real(scenario))
     few = least < scenario.count <= network.FEW and stage.rounds > 0
+    left_open &= not trust.recovers(scenario)
     fits = able.saturates and able.biases and left_open and _explained(scenario, several=several)
     return chosen.defaults > 11 and few and exact and honest and fits
 

@@ -205,6 +205,19 @@ def distrusts(scenario: Scenario, *, others: bool) -> bool:
     return comparable and (_at_fault(scenario) or (real(scenario) and rules(scenario) > 1))
 
 
+def recovers(scenario: Scenario) -> bool:
+    """Whether the network widens its covariances where most innovations are implausible.
+
+    Auto: where ranges are real, which saturate so much that a target seems to be where it was. A real one stops, starts
+    and turns as it likes, and one motion does not allow for that.
+    """
+    chosen = scenario.filter
+    if chosen.recovery != "auto":
+        return chosen.recovery
+    together = scenario.count > 1 and scenario.consensus.rounds > 0
+    return real(scenario) and together and abilities_of(chosen.kind).information and chosen.defaults > 21
+
+
 def suspects(scenario: Scenario) -> bool:
     """Whether neighbours may send wrong values."""
     stage = scenario.consensus

@@ -26,7 +26,8 @@ class Measurement:
     agents' numbers, None where those are no matter. few: (n,), which agents hear so few others that their ranges do not
     tell where the target is; None: none. overcounted: (n,), how often n times an agent's average counts a range that
     the network has once; None: once. forgets: whether a first fix does without the ranges of earlier steps, too. wrong:
-    (n,), how likely the own range is wrong, before it is heard; None: as the filter's settings say.
+    (n,), how likely the own range is wrong, before it is heard; None: as the filter's settings say. distrust: (n,), how
+    much agents distrust their own ranges, from 0 to 1; None: not at all.
     """
 
     position: Floats
@@ -44,6 +45,7 @@ class Measurement:
     overcounted: Floats | None = None
     forgets: bool = False
     wrong: Floats | None = None
+    distrust: Floats | None = None
 
 
 def no_neighbours(agents: int) -> tuple[Floats, Floats]:

@@ -23,6 +23,7 @@ from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages
 from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.returning import Returning
+from zenoh_cbef.tracking.filters.around.sudden import Sudden
 from zenoh_cbef.tracking.filters.base import Abilities, Belief, Filter, Kind, Sharing, Update, filter_of
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.finding.one_side import OneSide
@@ -143,9 +144,9 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
         chosen = Fitting(chosen, settings.space, settings.range_std)
     # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
     if settings.recovers:
-        chosen = Recovering(chosen, settings.recovers)
+        chosen = (Sudden if settings.sudden else Recovering)(chosen, settings.recovers)
     if settings.distrusts:
-        chosen = Distrusting(chosen, settings.range_std, repeats=not settings.presumes)
+        chosen = Distrusting(chosen, settings.range_std, repeats=not settings.presumes, neutral=settings.sudden)
     if Bursts.wanted(settings):
         chosen = Bursts(chosen, settings.space, settings.range_std)
     plain = not (settings.squares or settings.tells_ranges)

@@ -91,6 +91,8 @@ class FilterSettings:
     """Whether agents give their own implausible ranges less weight."""
     recovers: float = 0.0
     """From which share of implausible innovations on the network widens its covariances; 0: never."""
+    sudden: bool = False
+    """Whether an innovation counts there for how implausible it is, see `Sudden`."""
     learns_noise: bool = False
     """Whether agents learn the noise of ranges."""
     wrong_share: float = 0.0

@@ -29,6 +29,8 @@ KEPT = 0.9
 WIDEST = 30.0
 """Factor of sigma at full distrust."""
 
+CALM = 0.1
+"""Distrust from which on an agent's ranges teach nothing of others."""
 
 REPEATS = 5
 """How often in a row an agent may measure the very same range; noise alone makes each another one."""
@@ -56,11 +58,14 @@ class Distrusting(Wrapping):
     says the same to the last bit, step after step, which no receiver with noise does. From its fifth repetition on a
     range is distrusted in full, d_i = 1.
 
-    range_std: sigma (m), unless the measurement says otherwise. repeats: whether repetitions count.
+    range_std: sigma (m), unless the measurement says otherwise. repeats: whether repetitions count. neutral: whether e
+    of an agent without a range goes to m, by a fifth of the way in a step. Otherwise it counts for one whose ranges fit,
+    and if the target turns, the few agents that hear it stand out among many that do not.
     """
 
     range_std: float
     repeats: bool = False
+    neutral: bool = False
 
     more = 1
 
@@ -78,9 +83,10 @@ class Distrusting(Wrapping):
             distrust = np.where(repeated >= REPEATS, 1.0, distrust)
         std = np.full(count, self.range_std) if measurement.range_std is None else measurement.range_std
         wide = (1.0 + (WIDEST - 1.0) * distrust * distrust) * std
-        update = self.filter.update(inner, replace(measurement, range_std=wide))
+        update = self.filter.update(inner, replace(measurement, range_std=wide, distrust=distrust))
         nis = trusted_nis(update.diagnostics, wide**2 - std**2)
-        mean = np.where(np.isfinite(nis), before + (np.minimum(nis, LARGEST) - before) / MEMORY, before)
+        unheard = network if self.neutral else before
+        mean = before + (np.where(np.isfinite(nis), np.minimum(nis, LARGEST), unheard) - before) / MEMORY
         number = mean + KEPT * (network - before)
         payload = np.concatenate([update.payload, number[:, None]], axis=1)
         return Update(payload, replace(update.diagnostics, distrust=distrust), (mean, latest, repeated), (update,))

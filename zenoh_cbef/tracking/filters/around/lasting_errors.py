@@ -10,6 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.around.distrusting import CALM
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.information_form import variance_of
@@ -30,9 +31,6 @@ _MOST = 0.98
 _CUT, _LEAST = 9.0, 0.1
 """Where a square is cut off, so that outliers do not decide, and the least share of its variance that following leaves.
 """
-
-_CALM = 0.1
-"""Distrust from which on an agent's ranges teach nothing of their size."""
 
 _SLOWEST = 0.02
 """Least step of the logarithm of sigma."""
@@ -117,7 +115,7 @@ class Receiver:
 
     def measuring(self, told: Diagnostics) -> Self:
         """With what an own range's innovation says of its size; a receiver that is distrusted says nothing."""
-        usable = (told.nis > 0.0) & ~(told.distrust > _CALM)
+        usable = (told.nis > 0.0) & ~(told.distrust > CALM)
         square = np.where(usable, told.innovation, 1.0) ** 2
         variance = square / np.where(usable, told.nis, 1.0)
         followed = 2.0 * self.taken * self.carried(weighs=True)

@@ -1,0 +1,101 @@
+"""A real target that rested and drives off, or turns sharply, is followed, and where it is not the network says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.datasets.made import scenario_of
+from zenoh_cbef.scenario import trust
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.filters.around.sudden import Sudden
+from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
+from zenoh_cbef.tracking.status import TRACKING
+
+PLACES = ((0.0, 0.0), (96.0, 0.0), (96.0, 64.0), (0.0, 64.0), (48.0, 0.0))
+SECONDS, RATE = 30.0, 10.0
+
+
+def recording(folder, way, seed=1, *, reflects=False):
+    """Ranges of five anchors, noise 0.1 m, of a target at way(t), (k, 2).
+
+    reflects: anchor 4 reads 0.8 m too long for 5 s.
+    """
+    random, rows = np.random.default_rng(seed), []
+    for number, anchor in enumerate(PLACES):
+        at = random.uniform(0.0, 1.0 / RATE) + np.arange(0.0, SECONDS - 0.2, 1.0 / RATE)
+        range_ = np.linalg.norm(way(at) - anchor, axis=1) + 0.1 * random.normal(size=len(at))
+        range_ += 0.8 * (reflects and number == 4) * ((at > 19.5) & (at < 24.5))
+        rows += [(t, number, r) for t, r in zip(at, range_, strict=True)]
+    time = np.arange(0.0, SECONDS, 0.05)
+    folder.mkdir()
+    anchors = [f"{number},{x},{y},0" for number, (x, y) in enumerate(PLACES)]
+    (folder / "anchors.csv").write_text("\n".join(["id,x,y,z", *anchors]))
+    (folder / "ranges.csv").write_text("\n".join(["t,anchor_id,range", *(f"{t},{n},{r}" for t, n, r in sorted(rows))]))
+    truth = [f"{t},{x},{y},0" for t, (x, y) in zip(time, way(time), strict=True)]
+    (folder / "truth.csv").write_text("\n".join(["t,x,y,z", *truth]))
+    return folder
+
+
+def drives_off(time):
+    """At rest for 20 s, then 8 m/s^2 for 1.5 s, and on."""
+    since = np.maximum(time - 20.0, 0.0)
+    way = np.where(since < 1.5, 4.0 * since**2, 12.0 * since - 9.0)
+    return np.stack([3.0 + 0.8 * way, 3.0 + 0.4 * way], axis=-1)
+
+
+def turns(time):
+    """At 3 m/s, and at 20 s at once at a right angle."""
+    along, across = np.minimum(time, 20.0), np.maximum(time - 20.0, 0.0)
+    return np.stack([5.0 + 3.0 * along, 13.0 + 3.0 * across], axis=-1)
+
+
+def followed(folder, *more):
+    """Errors (n, K), m, and where agents say that they track."""
+    scenario = scenario_of(folder, "dt=0.1", "filter.range_std=0.1", "filter.planar_height=0", *more)
+    (trace,) = simulate([scenario])
+    return np.linalg.norm((trace.estimates - trace.truth)[..., :2], axis=2), trace.diagnostics.status == TRACKING
+
+
+@pytest.mark.parametrize("way", [drives_off, turns])
+def test_it_is_followed_and_by_earlier_rules_it_was_not(tmp_path, way):
+    folder = recording(tmp_path / "set", way)
+    errors, tracking = followed(folder)
+    before, _ = followed(folder, "filter.defaults=21")
+    moved = slice(195, 280)
+    assert np.sqrt(np.mean(errors[:, moved] ** 2)) < 0.5 * np.sqrt(np.mean(before[:, moved] ** 2))
+    assert errors[:, 40:][tracking[:, 40:]].max() < 1.0
+    np.testing.assert_array_equal(errors[:, 40:190], before[:, 40:190])
+
+
+def test_a_reflection_that_begins_at_a_corner_does_not_take_the_estimate_along(tmp_path):
+    folder = recording(tmp_path / "set", turns, reflects=True)
+    errors, _ = followed(folder)
+    before, _ = followed(folder, "filter.defaults=21")
+    assert errors[:, 195:].max() < 0.5 * before[:, 195:].max()
+
+
+def test_an_agent_says_how_implausible_its_range_is_and_nothing_of_one_that_it_distrusts():
+    measurement = Measurement(np.zeros((5, 3)), np.ones(5), np.zeros(5), *no_neighbours(5))
+    nis = np.array([0.0, 2.0, 4.0, 5.0, 100.0])
+    said = Sudden.said(Sudden(None, 0.5), nis, measurement)
+    np.testing.assert_allclose(said, [-0.5, -0.5, 0.0, 0.25, 0.5])
+    silent = Measurement(np.zeros((5, 3)), np.ones(5), np.zeros(5), *no_neighbours(5), distrust=np.full(5, 0.2))
+    np.testing.assert_array_equal(Sudden.said(Sudden(None, 0.5), nis, silent), np.zeros(5))
+
+
+@pytest.mark.parametrize(
+    ("keys", "wanted"),
+    [
+        ([], False),
+        (["sensor.real=true"], True),
+        (["sensor.real=true", "filter.defaults=21"], False),
+        (["sensor.real=true", "consensus.rounds=0"], False),
+        (["sensor.real=true", "filter.kind=local"], False),
+        (["sensor.real=true", "filter.recovery=false"], False),
+        (["filter.recovery=true"], True),
+    ],
+)
+def test_networks_with_real_ranges_recover(keys, wanted):
+    assert trust.recovers(load("tracking", keys).scenario) is wanted
