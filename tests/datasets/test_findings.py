@@ -238,3 +238,16 @@ def test_anchors_near_one_plane_are_told(tmp_path, heights, near):
     places = np.column_stack([whole.anchors[:, :2], heights])
     found = findings(replace(whole, anchors=places))
     assert any("may track the mirror image of the target" in one for one in found) == near
+
+
+def test_a_truth_of_few_positions_is_told_where_the_target_turns_between_them(tmp_path):
+    walk = read_files(as_dataset(written(tmp_path)))
+    noisy = replace(walk, ranges=walk.ranges + 0.05 * np.random.default_rng(1).normal(size=len(walk.ranges)))
+    assert findings(noisy) == []
+    few = replace(noisy, truth_time=noisy.truth_time[::11], truth=noisy.truth[::11])
+    [said] = findings(few)
+    assert said.startswith("the truth has a position every 1.1 s and is taken for straight lines between them")
+    assert said.endswith("and so are the errors that are shown: give a truth with more positions")
+    # Of straight ways no position is missing.
+    still = few.truth[0] + (few.truth_time - few.truth_time[0])[:, None] * np.array([0.1, 0.2, 0.0])
+    assert not any("every 1.1 s" in one for one in findings(replace(few, truth=still)))

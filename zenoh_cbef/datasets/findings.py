@@ -14,6 +14,7 @@ from zenoh_cbef.datasets.fixes import is_planar
 from zenoh_cbef.datasets.gaps import gap
 from zenoh_cbef.datasets.lateness import lateness
 from zenoh_cbef.datasets.passes import copied, overlaid
+from zenoh_cbef.datasets.sparse import strays
 from zenoh_cbef.datasets.swaps import swapped
 from zenoh_cbef.datasets.units import odd_unit
 from zenoh_cbef.numbers import number
@@ -116,9 +117,21 @@ def _truth(dataset: Dataset, late: float | None) -> list[str]:
     known = dataset.knows_truth(0.5 * (parts[1:] + parts[:-1]))
     covered = float(np.diff(parts)[known].sum())
     whole = end - begin
-    if covered > _WHOLE * whole:
+    part = f"the truth covers {number(covered)} of {number(whole)} s: only those are scored"
+    return _between(dataset) + [part] * (covered <= _WHOLE * whole)
+
+
+def _between(dataset: Dataset) -> list[str]:
+    found = strays(dataset)
+    if found is None:
         return []
-    return [f"the truth covers {number(covered)} of {number(whole)} s: only those are scored"]
+    far, interval = found
+    said = (
+        f"the truth has a position every {number(interval)} s and is taken for straight lines between them, which are"
+    )
+    return [
+        f"{said} off by about {number(far)} m, and so are the errors that are shown: give a truth with more positions"
+    ]
 
 
 def _silent(dataset: Dataset) -> list[str]:

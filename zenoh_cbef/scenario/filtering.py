@@ -213,7 +213,7 @@ class Filtering(Meant):
         return replace(
             settings,
             recovers=start.implausible_share(scenario) * trust.recovers(scenario),
-            sudden=trust.real(scenario) and chosen.defaults > 21,
+            sudden=trust.notices(scenario),
             distrusts=self.distrusts_own,
             bias=self.bias,
             joint_biases=joint,

@@ -218,6 +218,13 @@ def recovers(scenario: Scenario) -> bool:
     return real(scenario) and together and abilities_of(chosen.kind).information and chosen.defaults > 21
 
 
+def notices(scenario: Scenario) -> int:
+    """In how many steps each agent has a range, where the network recovers by real ranges; 0: it does not."""
+    interval = scenario.filter.acceleration_interval or scenario.dt
+    asked = recovers(scenario) and real(scenario) and scenario.filter.defaults > 21
+    return asked * max(1, round(interval / scenario.dt))
+
+
 def suspects(scenario: Scenario) -> bool:
     """Whether neighbours may send wrong values."""
     stage = scenario.consensus

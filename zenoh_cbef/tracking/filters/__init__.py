@@ -80,6 +80,9 @@ KINDS: dict[str, type[Kind]] = {
 }
 
 
+_SILENCE = 3
+"""After how many intervals without a range an agent says nothing of how implausible its ranges are."""
+
 _REGISTRY: Registry[Kind] = Registry("filters", KINDS, filter_of)
 kind_of, mark_of, options_of = _REGISTRY.kind_of, _REGISTRY.mark_of, _REGISTRY.options_of
 
@@ -142,11 +145,13 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     chosen = _innermost(kind, settings, xi)
     if settings.fits:
         chosen = Fitting(chosen, settings.space, settings.range_std)
-    # Recovery widens the belief that the filter goes on from, so nothing else may stand between the two.
+    # These widen the belief that the filter goes on from, so nothing else may stand between.
     if settings.recovers:
-        chosen = (Sudden if settings.sudden else Recovering)(chosen, settings.recovers)
+        chosen = Sudden(chosen, settings.sudden) if settings.sudden else Recovering(chosen, settings.recovers)
     if settings.distrusts:
-        chosen = Distrusting(chosen, settings.range_std, repeats=not settings.presumes, neutral=settings.sudden)
+        chosen = Distrusting(
+            chosen, settings.range_std, repeats=not settings.presumes, silence=_SILENCE * settings.sudden
+        )
     if Bursts.wanted(settings):
         chosen = Bursts(chosen, settings.space, settings.range_std)
     plain = not (settings.squares or settings.tells_ranges)

@@ -91,8 +91,9 @@ class FilterSettings:
     """Whether agents give their own implausible ranges less weight."""
     recovers: float = 0.0
     """From which share of implausible innovations on the network widens its covariances; 0: never."""
-    sudden: bool = False
-    """Whether an innovation counts there for how implausible it is, see `Sudden`."""
+    sudden: int = 0
+    """In how many steps each agent has a range, where most innovations show that the target suddenly moves otherwise
+    (see `Sudden`); 0: they are not asked."""
     learns_noise: bool = False
     """Whether agents learn the noise of ranges."""
     wrong_share: float = 0.0

@@ -58,14 +58,14 @@ class Distrusting(Wrapping):
     says the same to the last bit, step after step, which no receiver with noise does. From its fifth repetition on a
     range is distrusted in full, d_i = 1.
 
-    range_std: sigma (m), unless the measurement says otherwise. repeats: whether repetitions count. neutral: whether e
-    of an agent without a range goes to m, by a fifth of the way in a step. Otherwise it counts for one whose ranges fit,
-    and if the target turns, the few agents that hear it stand out among many that do not.
+    range_std: sigma (m), unless the measurement says otherwise. repeats: whether repetitions count. silence: after so
+    many steps without a range e of an agent goes to m, a fifth of the way in a step; 0: never. Otherwise it counts for
+    one whose ranges fit, and if the target turns, the few agents that hear it stand out among many that do not.
     """
 
     range_std: float
     repeats: bool = False
-    neutral: bool = False
+    silence: int = 0
 
     more = 1
 
@@ -74,7 +74,7 @@ class Distrusting(Wrapping):
         inner = belief.parts[0] if belief.parts else belief
         count = len(belief.state)
         ones, none = np.ones(count), np.zeros(count)
-        before, network, latest, repeated = belief.memory or (ones, ones, none, none)
+        before, network, latest, repeated, since = belief.memory or (ones, ones, none, none, none)
         distrust = step(before - np.maximum(network, 1.0), *EXCESS)
         heard = np.isfinite(measurement.range)
         repeated = np.where(measurement.range == latest, repeated + 1.0, np.where(heard, 0.0, repeated))
@@ -85,11 +85,14 @@ class Distrusting(Wrapping):
         wide = (1.0 + (WIDEST - 1.0) * distrust * distrust) * std
         update = self.filter.update(inner, replace(measurement, range_std=wide, distrust=distrust))
         nis = trusted_nis(update.diagnostics, wide**2 - std**2)
-        unheard = network if self.neutral else before
+        since = np.where(heard, 0.0, since + 1.0)
+        unheard = np.where(since > self.silence, network, before) if self.silence else before
         mean = before + (np.where(np.isfinite(nis), np.minimum(nis, LARGEST), unheard) - before) / MEMORY
         number = mean + KEPT * (network - before)
         payload = np.concatenate([update.payload, number[:, None]], axis=1)
-        return Update(payload, replace(update.diagnostics, distrust=distrust), (mean, latest, repeated), (update,))
+        return Update(
+            payload, replace(update.diagnostics, distrust=distrust), (mean, latest, repeated, since), (update,)
+        )
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief."""

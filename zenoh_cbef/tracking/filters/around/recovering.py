@@ -47,13 +47,8 @@ class Recovering(Wrapping):
         """The filter's update, and the number."""
         update = self.filter.update(belief, measurement)
         nis = update.diagnostics.nis
-        number = np.where(np.isfinite(nis), self.said(np.nan_to_num(nis), measurement), 0.0)
+        number = np.where(np.isfinite(nis), (np.nan_to_num(nis) > _IMPLAUSIBLE) - self.share, 0.0)
         return replace(update, payload=np.concatenate([update.payload, number[:, None]], axis=1))
-
-    def said(self, nis: Floats, measurement: Measurement) -> Floats:
-        """What agents say of the innovations of their ranges, (n,)."""
-        del measurement
-        return (nis > _IMPLAUSIBLE) - self.share
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The filter's belief, with a larger covariance where most innovations were implausible."""

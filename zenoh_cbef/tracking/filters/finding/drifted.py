@@ -6,25 +6,32 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.finding.remembered_ranges import Seen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import leading_trace
 from zenoh_cbef.tracking.ranging import Space, own_range
 from zenoh_cbef.tracking.status import Status
 
+_LATELY = 3
+"""Within how many of its own intervals an agent has had a range that is not silent."""
 
-def drifted(settings: FilterSettings, belief: Belief, status: Status, position: Floats) -> Bools:
-    """Which agents have coasted too far to linearise at their estimate, (n,). position: theirs, (n, 3), m.
+
+def drifted(settings: FilterSettings, belief: Belief, status: Status, seen: Seen) -> Bools:
+    """Which agents have coasted too far to linearise at their estimate, (n,). seen: their latest ranges.
 
     Those whose claimed error is twenty times the usual one, or over whose claimed error ranges bend. No agents that
-    all go by hypotheses which follow the bend of ranges: a fix would forget them.
+    all go by hypotheses which follow the bend of ranges: a fix would forget them. Nor agents that have had ranges all
+    the while: where a network notices that its target moves otherwise it claims more, and these tell where it is.
     """
     coasts = status.coasts
     if not settings.drifts:
         return np.zeros_like(coasts)
+    lately = seen.ranges[:, -_LATELY * settings.sudden :]
+    silent = ~np.isfinite(lately).any(axis=1) | (settings.sudden == 0)
     if not settings.bends or not np.count_nonzero(coasts):
-        return status.adrift
-    bends = bent(settings.space, belief.state, belief.known_covariance, position, settings.range_std)
-    return status.adrift | coasts & bends
+        return status.adrift & silent
+    bends = bent(settings.space, belief.state, belief.known_covariance, seen.positions[:, -1], settings.range_std)
+    return (status.adrift | coasts & bends) & silent
 
 
 def bent(space: Space, state: Floats, covariance: Floats, position: Floats, range_std: float) -> Bools:

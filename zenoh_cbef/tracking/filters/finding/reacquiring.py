@@ -219,7 +219,7 @@ class Reacquiring(Wrapping):
         settled = ~fixing & (status.which != ACQUIRING)
         # By the eleventh rules agents that begin anew do as the others do, and a group that is too small does nothing.
         concerned = settled | (alike := self.settings.cut_off > 0)
-        astray = drifted(self.settings, inner, status, search.positions[:, -1])
+        astray = drifted(self.settings, inner, status, search)
         search = self._left_behind(search, inner)
         if search.idle and inner.status and not (wanted | astray).nonzero()[0].size:
             return replace(inner, memory=tuple(vars(search).values()), parts=(inner,))
