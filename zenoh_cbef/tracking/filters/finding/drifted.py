@@ -6,7 +6,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.finding.remembered_ranges import Seen
+from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import leading_trace
 from zenoh_cbef.tracking.ranging import Space, own_range
