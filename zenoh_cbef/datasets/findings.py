@@ -44,6 +44,7 @@ def findings(dataset: Dataset) -> list[str]:
     wrong = wrong or _exchanged(dataset)
     late = None if wrong or not dataset.has_truth else lateness(dataset)
     order = [] if wrong or late is not None else swapped(dataset)
+    order += [] if wrong or late is not None else _between(dataset)
     told = [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *order]
     # Of anchors at one height an import asks for the target's.
     return told if is_planar(dataset) else told + mirrored(dataset.anchors)
@@ -117,12 +118,13 @@ def _truth(dataset: Dataset, late: float | None) -> list[str]:
     known = dataset.knows_truth(0.5 * (parts[1:] + parts[:-1]))
     covered = float(np.diff(parts)[known].sum())
     whole = end - begin
-    part = f"the truth covers {number(covered)} of {number(whole)} s: only those are scored"
-    return _between(dataset) + [part] * (covered <= _WHOLE * whole)
+    if covered > _WHOLE * whole:
+        return []
+    return [f"the truth covers {number(covered)} of {number(whole)} s: only those are scored"]
 
 
 def _between(dataset: Dataset) -> list[str]:
-    found = strays(dataset)
+    found = strays(dataset) if dataset.has_truth else None
     if found is None:
         return []
     far, interval = found
