@@ -14,8 +14,8 @@ from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
 from zenoh_cbef.tracking.ranging import Measurement
 
-_DOUBTFUL, _WIDTH = 4.0, 4.0
-"""The NIS that says neither, two standard deviations, and how far apart those are that say all they can."""
+_DOUBTFUL, _WIDTH = 5.0, 4.0
+"""The NIS that says neither, of one in forty good ranges, and how far apart those are that say all they can."""
 
 _INFLATION = 2.0
 """By how much the covariance grows in a step: by little, as half of real ranges may be wrong for a step or two."""
@@ -25,12 +25,12 @@ _INFLATION = 2.0
 class Sudden(Wrapping):
     """Any filter that saturates, with one number more in its payload: how implausible its own innovation is.
 
-        y_i = clip((NIS_i - 4)/4, -1/2, 1/2)          of its latest range, if no more than `steps` steps old and
+        y_i = clip((NIS_i - 5)/4, -1/2, 1/2)          of its latest range, if no more than `steps` steps old and
                                                       trusted, otherwise 0
         P_i <- 2 P_i, y_i <- 0                        where the average of y is positive
 
     Real ranges saturate so that none far off pulls: at a corner, or when a target that rested drives off, they all seem
-    wrong, and an estimate of one motion goes straight on. Innovations of two standard deviations of most agents at once
+    wrong, and an estimate of one motion goes straight on. Innovations of 2.2 standard deviations of most agents at once
     are no chance, and to wait for three, as `Recovering` does, takes steps in which the target gets away. In a step in
     which few agents hear the target one of them would decide, so those that heard it just before take part. An agent
     that distrusts its receiver expects large innovations: none of its own says anything of the target.
