@@ -43,9 +43,8 @@ def findings(dataset: Dataset) -> list[str]:
     silence = gap(dataset)
     wrong = wrong or _exchanged(dataset)
     late = None if wrong or not dataset.has_truth else lateness(dataset)
-    order = [] if wrong or late is not None else swapped(dataset)
-    order += [] if wrong or late is not None else _between(dataset)
-    told = [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *order]
+    rest = [] if wrong or late is not None else [*swapped(dataset), *_between(dataset)]
+    told = [*twice, *wrong, *[silence] * bool(silence), *_truth(dataset, late), *_silent(dataset), *rest]
     # Of anchors at one height an import asks for the target's.
     return told if is_planar(dataset) else told + mirrored(dataset.anchors)
 

@@ -80,9 +80,6 @@ KINDS: dict[str, type[Kind]] = {
 }
 
 
-_SILENCE = 3
-"""After how many intervals without a range an agent says nothing of how implausible its ranges are."""
-
 _REGISTRY: Registry[Kind] = Registry("filters", KINDS, filter_of)
 kind_of, mark_of, options_of = _REGISTRY.kind_of, _REGISTRY.mark_of, _REGISTRY.options_of
 
@@ -149,9 +146,8 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
     if settings.recovers:
         chosen = Sudden(chosen, settings.sudden) if settings.sudden else Recovering(chosen, settings.recovers)
     if settings.distrusts:
-        chosen = Distrusting(
-            chosen, settings.range_std, repeats=not settings.presumes, silence=_SILENCE * settings.sudden
-        )
+        repeats = not settings.presumes
+        chosen = Distrusting(chosen, settings.range_std, repeats=repeats, silence=settings.silence)
     if Bursts.wanted(settings):
         chosen = Bursts(chosen, settings.space, settings.range_std)
     plain = not (settings.squares or settings.tells_ranges)

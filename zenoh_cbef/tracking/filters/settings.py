@@ -202,6 +202,11 @@ class FilterSettings:
         return Switching(motions, self.leaving, nearer=self.nearer, unseen=self.unseen)
 
     @property
+    def silence(self) -> int:
+        """After how many steps without a range an agent no longer hears the target: three intervals; 0: never."""
+        return 3 * self.sudden
+
+    @property
     def proves_sides(self) -> bool:
         """Whether the side of a plane has to be proved, by guesses at first and by ranges later."""
         return self.guessed is not None

@@ -12,9 +12,6 @@ from zenoh_cbef.tracking.linalg import leading_trace
 from zenoh_cbef.tracking.ranging import Space, own_range
 from zenoh_cbef.tracking.status import Status
 
-_LATELY = 3
-"""Within how many of its own intervals an agent has had a range that is not silent."""
-
 
 def drifted(settings: FilterSettings, belief: Belief, status: Status, seen: Seen) -> Bools:
     """Which agents have coasted too far to linearise at their estimate, (n,). seen: their latest ranges.
@@ -23,15 +20,15 @@ def drifted(settings: FilterSettings, belief: Belief, status: Status, seen: Seen
     all go by hypotheses which follow the bend of ranges: a fix would forget them. Nor agents that have had ranges all
     the while: where a network notices that its target moves otherwise it claims more, and these tell where it is.
     """
-    coasts = status.coasts
+    coasts, astray = status.coasts, status.adrift
     if not settings.drifts:
         return np.zeros_like(coasts)
-    lately = seen.ranges[:, -_LATELY * settings.sudden :]
-    silent = ~np.isfinite(lately).any(axis=1) | (settings.sudden == 0)
-    if not settings.bends or not np.count_nonzero(coasts):
-        return status.adrift & silent
-    bends = bent(settings.space, belief.state, belief.known_covariance, seen.positions[:, -1], settings.range_std)
-    return (status.adrift | coasts & bends) & silent
+    if settings.bends and np.count_nonzero(coasts):
+        place = belief.state, belief.known_covariance, seen.positions[:, -1]
+        astray = astray | coasts & bent(settings.space, *place, settings.range_std)
+    if not settings.silence or not np.count_nonzero(astray):
+        return astray
+    return astray & ~np.isfinite(seen.ranges[:, -settings.silence :]).any(axis=1)
 
 
 def bent(space: Space, state: Floats, covariance: Floats, position: Floats, range_std: float) -> Bools:
