@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import partial
 from importlib import import_module
 from statistics import median
 from typing import Any
@@ -81,7 +82,7 @@ def stone_soup_arm() -> Arm:
     predictor_of = import_module("stonesoup.predictor.kalman").ExtendedKalmanPredictor
     updater_of = import_module("stonesoup.updater.kalman").ExtendedKalmanUpdater
 
-    class Range(base):  # type: ignore[misc, valid-type]
+    class Range(base):  # type: ignore[misc, valid-type] # of a library that may be missing
         """The distance of the target from a place, with its Jacobian."""
 
         place: Floats
@@ -99,7 +100,7 @@ def stone_soup_arm() -> Arm:
 
     def run(agents: Sequence[Heard]) -> None:
         for heard in agents:
-            now = datetime(2000, 1, 1)  # noqa: DTZ001
+            now = datetime(2000, 1, 1)  # noqa: DTZ001 - as that library counts time
             motion = [linear.ConstantVelocity(ACCELERATION_STD**2)] * 3
             predictor = predictor_of(linear.CombinedLinearGaussianTransitionModel(motion))
             begin = arrays.StateVector(heard.begin.reshape(2, 3).T.ravel())
@@ -136,7 +137,7 @@ def compared(ours: Callable[[], Sequence[Trace]], what: str, repeats: int) -> It
     for _ in range(repeats if arms else 0):
         spent["ours"].append(_cpu(ours))
         for name, arm in arms.items():
-            spent[name].append(_cpu(lambda arm=arm: arm(agents)))  # type: ignore[misc]
+            spent[name].append(_cpu(partial(arm, agents)))
     for name in arms:
         times = median(theirs / own for theirs, own in zip(spent[name], spent["ours"], strict=True))
         yield at_least(f"{name} over ours, {what}, CPU of {steps} agent-steps", times, ARMS[name][2])

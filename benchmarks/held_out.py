@@ -83,7 +83,15 @@ def _field(rng: np.random.Generator) -> Floats:
 
 
 _DRONE = Kind(_hall, (3.0, 3.0, 2.0), (27.0, 27.0, 9.0), 5.0, 120.0, 0.05, (9.0, 11.0), 0.1, 0.1, 0.05, (0.02, 3.0))
-_PLANE: dict[str, Any] = {"dt": 0.1, "rate": (9.0, 11.0), "std": 0.08, "height": 1.1}
+_FLOOR: dict[str, Any] = {
+    "anchors": _hall,
+    "low": (3.0, 3.0, 1.1),
+    "high": (27.0, 27.0, 1.1),
+    "dt": 0.1,
+    "rate": (9.0, 11.0),
+    "std": 0.08,
+    "height": 1.1,
+}
 _WALK: dict[str, Any] = {"speed": 1.0, "seconds": 120.0, "dt": 0.1, "rate": (10.0, 20.0), "std": 0.07}
 KINDS = {
     "indoors, biased": Kind(_room, (1.0, 1.0, 0.8), (11.0, 7.0, 1.6), **_WALK, common=0.15, own=0.05),
@@ -124,11 +132,9 @@ KINDS = {
     "rare ranges": Kind(
         _hall, (3.0, 3.0, 1.1), (27.0, 27.0, 1.1), 1.3, 200.0, 0.25, (0.7, 0.7), 0.08, 0.1, 0.03, (0.1, 1.0), height=1.1
     ),
-    "hall, sharp turns": Kind(_hall, (3.0, 3.0, 1.1), (27.0, 27.0, 1.1), 1.4, 90.0, **_PLANE, rounding=0.8),
-    "hall, reflections": Kind(
-        _hall, (3.0, 3.0, 1.1), (27.0, 27.0, 1.1), 1.4, 90.0, **_PLANE, rounding=0.8, reflected=(4.0, 14.0, 0.8)
-    ),
-    "driven off": Kind(_hall, (3.0, 3.0, 1.1), (27.0, 27.0, 1.1), 6.0, 60.0, **_PLANE, rest=30.0),
+    "hall, sharp turns": Kind(**_FLOOR, speed=1.4, seconds=90.0, rounding=0.8),
+    "hall, reflections": Kind(**_FLOOR, speed=1.4, seconds=90.0, rounding=0.8, reflected=(4.0, 14.0, 0.8)),
+    "driven off": Kind(**_FLOOR, speed=6.0, seconds=60.0, rest=30.0),
     "hall, scaled": Kind(
         _hall, (3.0, 3.0, 2.0), (27.0, 27.0, 6.0), 1.5, 120.0, 0.1, (9.0, 11.0), 0.1, 0.1, 0.03, share=0.02
     ),

@@ -21,9 +21,9 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 # What every fork would import again: the parent imports it once, and nothing of the package itself.
-import numpy as np  # noqa: F401
-import pydantic  # noqa: F401
-import zenoh  # noqa: F401
+import numpy as np  # noqa: F401 - as told above
+import pydantic  # noqa: F401 - as told above
+import zenoh  # noqa: F401 - as told above
 from hypothesis import Phase, settings
 
 from benchmarks.mutant_reach import replace_code
@@ -108,7 +108,7 @@ def drawn(places: list[str], most: int, seed: int) -> Iterator[tuple[str, int, l
         files = [file for file in sorted((ROOT / package).rglob("*.py")) if any(map(file.is_relative_to, wanted))]
         every = [mutant for file in files for mutant in mutants_of(file)]
         if every:
-            chosen = random.Random(f"{package} {seed}").sample(range(len(every)), min(most, len(every)))  # noqa: S311
+            chosen = random.Random(f"{package} {seed}").sample(range(len(every)), min(most, len(every)))  # noqa: S311 - again the same
             yield package, len(every), [every[place] for place in sorted(chosen)]
 
 

@@ -111,7 +111,7 @@ def kept(points: Sequence[Point]) -> bool:
     return statistics.median(point.late for point in points) < LIMIT
 
 
-def run(repeats: int, set: Sequence[str] = ()) -> Iterator[Table]:  # noqa: A002
+def run(repeats: int, set: Sequence[str] = ()) -> Iterator[Table]:  # noqa: A002 - the option's name
     rows, reached = [], []
     for name in _SCENARIOS:
         least = 0.0

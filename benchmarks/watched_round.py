@@ -110,12 +110,12 @@ class Watch:
 
 def _time_places(agent: Agent, watch: Stopwatch) -> None:
     """Let the parts of a round tell when they begin and end."""
-    setattr(Alarm, "receive", watch.around(Alarm.receive, WAKE_UP))  # noqa: B010
-    setattr(Neighbourhood, "round", watch.around(Neighbourhood.round, READ))  # noqa: B010
-    setattr(neighbour, "is_within", watch.around(is_within, CHECK))  # noqa: B010
-    setattr(Outbox, "send_round", watch.around(Outbox.send_round, HAND_OVER))  # noqa: B010
-    setattr(RoundCodec, "encode", watch.around(RoundCodec.encode, WRITE))  # noqa: B010
-    setattr(agent.outgoing, "message", watch.around(agent.outgoing.message, CHECK))  # noqa: B010
+    setattr(Alarm, "receive", watch.around(Alarm.receive, WAKE_UP))  # noqa: B010 - mypy lets no method be replaced
+    setattr(Neighbourhood, "round", watch.around(Neighbourhood.round, READ))  # noqa: B010 - mypy lets no method be replaced
+    setattr(neighbour, "is_within", watch.around(is_within, CHECK))  # noqa: B010 - mypy lets no method be replaced
+    setattr(Outbox, "send_round", watch.around(Outbox.send_round, HAND_OVER))  # noqa: B010 - mypy lets no method be replaced
+    setattr(RoundCodec, "encode", watch.around(RoundCodec.encode, WRITE))  # noqa: B010 - mypy lets no method be replaced
+    setattr(agent.outgoing, "message", watch.around(agent.outgoing.message, CHECK))  # noqa: B010 - mypy lets no method be replaced
     mix = watch.around(agent.tracker.exchange, MIX)
 
     def exchange(received: Floats, delivered: Bools | None) -> Floats:
@@ -124,7 +124,7 @@ def _time_places(agent: Agent, watch: Stopwatch) -> None:
         finally:
             watch.turn()
 
-    setattr(agent.tracker, "exchange", exchange)  # noqa: B010
+    setattr(agent.tracker, "exchange", exchange)  # noqa: B010 - mypy lets no method be replaced
 
 
 def _run(agent: Agent, entry: Entry) -> int:
@@ -138,7 +138,7 @@ def _run(agent: Agent, entry: Entry) -> int:
         watch.look()
         return estimate
 
-    setattr(agent.tracker, "conclude", looked)  # noqa: B010
+    setattr(agent.tracker, "conclude", looked)  # noqa: B010 - mypy lets no method be replaced
     last = _original(agent, entry)
     Path(os.environ[WATCHED]).write_text(json.dumps(watch.told()), encoding="utf-8")
     return last
