@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.datasets.made import scenario_of
-from tests.tracking.resting import AGENTS, MOTION, STD, measured
+from tests.tracking.resting import AGENTS, MOTION, PLACES, STD, measured
 from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
@@ -18,7 +18,7 @@ from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.status import TRACKING
 
-PLACES = ((0.0, 0.0), (96.0, 0.0), (96.0, 64.0), (0.0, 64.0), (48.0, 0.0))
+ANCHORS = ((0.0, 0.0), (96.0, 0.0), (96.0, 64.0), (0.0, 64.0), (48.0, 0.0))
 SECONDS, RATE = 30.0, 10.0
 
 
@@ -28,14 +28,14 @@ def recording(folder, way, seed=1, *, reflects=False):
     reflects: anchor 4 reads 0.8 m too long for 5 s.
     """
     random, rows = np.random.default_rng(seed), []
-    for number, anchor in enumerate(PLACES):
+    for number, anchor in enumerate(ANCHORS):
         at = random.uniform(0.0, 1.0 / RATE) + np.arange(0.0, SECONDS - 0.2, 1.0 / RATE)
         range_ = np.linalg.norm(way(at) - anchor, axis=1) + 0.1 * random.normal(size=len(at))
         range_ += 0.8 * (reflects and number == 4) * ((at > 19.5) & (at < 24.5))
         rows += [(t, number, r) for t, r in zip(at, range_, strict=True)]
     time = np.arange(0.0, SECONDS, 0.05)
     folder.mkdir()
-    anchors = [f"{number},{x},{y},0" for number, (x, y) in enumerate(PLACES)]
+    anchors = [f"{number},{x},{y},0" for number, (x, y) in enumerate(ANCHORS)]
     (folder / "anchors.csv").write_text("\n".join(["id,x,y,z", *anchors]))
     (folder / "ranges.csv").write_text("\n".join(["t,anchor_id,range", *(f"{t},{n},{r}" for t, n, r in sorted(rows))]))
     truth = [f"{t},{x},{y},0" for t, (x, y) in zip(time, way(time), strict=True)]
@@ -100,6 +100,14 @@ def test_an_agent_says_how_implausible_its_range_is_for_as_long_as_it_has_no_oth
     np.testing.assert_array_equal(said[:4, 1], [-0.5, -0.5, -0.5, 0.0])
 
 
+def test_it_says_neither_of_a_nis_of_five_and_all_it_can_two_from_there():
+    made = Sudden(SaturatedInformation(MOTION, Space(), STD, AGENTS, 1.5), 2)
+    belief = Belief(np.zeros((AGENTS, 6)), np.tile(1e-6 * np.eye(6), (AGENTS, 1, 1)))
+    off = STD * np.sqrt([0.0, 3.5, 4.5, 5.5, 6.5, 20.0])
+    update = made.update(belief, replace(measured(off, 0), range=np.linalg.norm(PLACES, axis=1) + off))
+    np.testing.assert_allclose(update.payload[:, -1], [-0.5, -0.375, -0.125, 0.125, 0.375, 0.5], atol=0.01)
+
+
 def test_an_agent_that_distrusts_its_ranges_says_nothing():
     distrust = np.array([0.2, 0.05, 0.0, 0.0, 0.0, 0.0])
     said, _ = next(updates(np.full((1, AGENTS), 10.0), distrust=distrust))
@@ -134,3 +142,11 @@ def test_covariances_double_where_most_ranges_are_implausible_and_then_all_begin
 )
 def test_networks_with_real_ranges_recover(keys, wanted):
     assert trust.recovers(load("tracking", keys).scenario) is wanted
+
+
+@pytest.mark.parametrize(("interval", "steps"), [(0.04, 1), (0.1, 1), (0.3, 3)])
+def test_an_agent_is_silent_after_three_of_the_intervals_in_which_it_has_ranges(interval, steps):
+    keys = ["sensor.real=true", f"filter.acceleration_interval={interval}"]
+    settings = load("tracking", keys).plan.settings
+    assert (settings.sudden, settings.silence) == (steps, 3 * steps)
+    assert load("tracking", keys[1:]).plan.settings.silence == 0
