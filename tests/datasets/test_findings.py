@@ -251,3 +251,11 @@ def test_a_truth_of_few_positions_is_told_where_the_target_turns_between_them(tm
     # Of straight ways no position is missing.
     still = few.truth[0] + (few.truth_time - few.truth_time[0])[:, None] * np.array([0.1, 0.2, 0.0])
     assert not any("every 1.1 s" in one for one in findings(replace(few, truth=still)))
+
+
+def test_what_lies_beyond_a_hole_of_the_truth_is_no_turn_between_two_positions(tmp_path):
+    walk = read_files(as_dataset(written(tmp_path)))
+    noisy = replace(walk, ranges=walk.ranges + 0.05 * np.random.default_rng(1).normal(size=len(walk.ranges)))
+    kept = np.r_[0:40, 140 : len(walk.truth)]
+    [said] = findings(replace(noisy, truth_time=noisy.truth_time[kept], truth=noisy.truth[kept]))
+    assert said.startswith("the truth covers")

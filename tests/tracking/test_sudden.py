@@ -13,7 +13,10 @@ from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters import Belief
+from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
+from zenoh_cbef.tracking.filters.around.recovering import Recovering
 from zenoh_cbef.tracking.filters.around.sudden import Sudden
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.kinds.sicf import SaturatedInformation
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.status import TRACKING
@@ -150,3 +153,28 @@ def test_an_agent_is_silent_after_three_of_the_intervals_in_which_it_has_ranges(
     settings = load("tracking", keys).plan.settings
     assert (settings.sudden, settings.silence) == (steps, 3 * steps)
     assert load("tracking", keys[1:]).plan.settings.silence == 0
+
+
+def around(chosen):
+    """The kinds of filters that stand around the innermost one, the outermost first."""
+    while isinstance(chosen, Wrapping):
+        yield type(chosen)
+        chosen = chosen.filter
+
+
+@pytest.mark.parametrize(("keys", "wanted"), [(["sensor.real=true"], Sudden), (["filter.recovery=true"], Recovering)])
+def test_it_stands_in_the_place_of_recovery_where_ranges_are_real(keys, wanted):
+    kinds = {*around(load("tracking", keys).plan.filter)}
+    assert kinds & {Sudden, Recovering} == {wanted}
+
+
+def test_an_agent_that_its_distrust_makes_doubt_its_ranges_says_nothing():
+    sudden = Sudden(SaturatedInformation(MOTION, Space(), STD, AGENTS, 1.5), 2)
+    made, belief = Distrusting(sudden, STD), Belief(np.zeros((AGENTS, 6)), np.tile(0.01 * np.eye(6), (AGENTS, 1, 1)))
+    off = np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    for seed in range(12):
+        update = made.update(belief, measured(off, seed))
+        belief = made.conclude(np.tile(update.payload.mean(axis=0), (AGENTS, 1)), update)
+    assert update.diagnostics.distrust[0] > 0.9
+    assert update.payload[0, -2] == 0.0
+    assert (update.payload[1:, -2] < 0.0).all()

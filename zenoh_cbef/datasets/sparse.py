@@ -24,7 +24,6 @@ def strays(dataset: Dataset) -> tuple[float, float] | None:
         return None
     after = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
     off = np.linalg.norm(places[1:-1] - (1.0 - after) * places[:-2] - after * places[2:], axis=1)
-    known = dataset.knows_truth(0.5 * (time[1:] + time[:-1]))
-    off = off[known[1:] & known[:-1]]
-    far = 0.5 * float(np.sqrt(np.mean(off**2))) if len(off) else 0.0
+    # Beside a hole of the truth a position is next to one end of its line, and hardly off it.
+    far = 0.5 * float(np.sqrt(np.mean(off**2)))
     return (far, float(np.median(np.diff(time)))) if far > noise else None
