@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.datasets.made import write
 from zenoh_cbef.datasets import Dataset, dataset_folder, read_dataset
 from zenoh_cbef.datasets.agility import agility
 from zenoh_cbef.datasets.first_scenario import time_step
 from zenoh_cbef.datasets.scatter import scatter
 from zenoh_cbef.datasets.spikes import without_spikes
-from zenoh_cbef.scenario.load import load
 
 INTERVAL = 0.1
 
@@ -63,26 +61,6 @@ def test_a_target_that_goes_straight_on_has_little():
 
 def test_too_few_ranges_say_nothing():
     assert agility(recording(1.0, seconds=2.0)) is None
-
-
-def test_a_filter_that_is_told_none_assumes_it_of_a_target_that_is_faster_than_a_walker(tmp_path):
-    rows = [f"{t:.2f},{anchor},{20 + 5 * np.sin(t) + np.cos(1.3 * t) * anchor:.4f}\n"
-            for t in np.arange(0.0, 60.0, INTERVAL) for anchor in (3, 7)]  # fmt: skip
-    folder = write(tmp_path / "fast", ranges="t,anchor_id,range\n" + "".join(rows), truth=None)
-
-    def assumed(path, *more):
-        told = ["target.motion=dataset", f'target.path="{path}"', *more]
-        return load("tracking", told).scenario.filter.acceleration_std
-
-    found = agility(read_dataset(folder))
-    assert found is not None
-    assert found > 1.0
-    assert assumed(folder, "filter.defaults=20") == found
-    assert assumed(folder) == agility(without_spikes(read_dataset(folder))) == pytest.approx(found, rel=0.01)
-    assert assumed(folder, "filter.defaults=14") is None
-    assert assumed(folder, "filter.acceleration_std=2.0") == 2.0
-    assert assumed("recorded:lawnmower") == 0.5
-    assert assumed("recorded:lawnmower", "filter.defaults=15") == 1.0
 
 
 def test_steps_are_shorter_where_a_target_turns_within_them():

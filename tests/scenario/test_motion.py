@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from zenoh_cbef.analysis.design import cannot
@@ -127,6 +128,16 @@ def test_the_rate_of_a_turn_hardly_changes_and_in_older_logs_it_did():
     first, second = plan("filter.motion=imm", told).models
     assert first.process_noise[-1, -1] == pytest.approx(0.1**2)
     assert second.process_noise[-1, -1] == pytest.approx(0.01**2)
+
+
+def test_in_long_steps_the_rate_of_a_turn_changes_by_the_same_angle():
+    def changes(*more):
+        return np.sqrt(plan(*CIRCLE, *more).models[1].process_noise[-1, -1])
+
+    assert changes("dt=1.0") == pytest.approx(0.001)
+    assert changes("dt=0.02") == pytest.approx(0.01)
+    assert changes("dt=1.0", "filter.defaults=22") == pytest.approx(0.01)
+    assert changes("dt=1.0", "filter.turn_rate_change=0.01") == pytest.approx(0.01)
 
 
 def test_the_velocity_of_a_real_target_decays():

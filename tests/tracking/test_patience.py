@@ -65,11 +65,11 @@ def test_a_fix_waits_for_ranges_that_come_while_the_network_coasts(coasts, steps
     ranges = np.full((1, 2 * WINDOW), np.nan)
     ranges[0, -last] = 1.0
     status = replace(known(COASTING, steps, 0.0), spread=np.ones(1), reference=np.array([0.1 if coasts else 1.0]))
-    now, before, real = (
+    now, before, real, earlier = (
         hears_again(settings_of(*keys), status, ranges, np.array([heard]))
-        for keys in ((), ("filter.defaults=15",), ("sensor.real=true",))
+        for keys in ((), ("filter.defaults=15",), ("sensor.real=true",), ("sensor.real=true", "filter.defaults=22"))
     )
-    assert (now.tolist(), before.tolist(), real.tolist()) == ([again], [True], [True])
+    assert (now.tolist(), before.tolist(), real.tolist(), earlier.tolist()) == ([again], [True], [again], [True])
 
 
 def test_a_fix_that_did_not_help_is_not_made_again_soon():

@@ -40,6 +40,25 @@ def test_a_split_hypothesis_has_the_same_moments():
     np.testing.assert_allclose(total, 0.0, atol=1e-12)
 
 
+def test_of_directions_in_which_as_little_is_known_the_first_axis_is_split():
+    """And not one that last digits choose: these differ between processors."""
+    alike_on_all = np.diag([3.0, 3, 3, 1, 1, 1]) ** 2
+    turned = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    rounded = np.array(alike_on_all)
+    rounded[:3, :3] = turned @ alike_on_all[:3, :3] @ turned.T
+    rounded = 0.5 * (rounded + rounded.T)
+    assert not np.array_equal(rounded, alike_on_all)
+    heard = heard_of(np.zeros((1, 3)))
+    for covariance in (alike_on_all, rounded):
+        states, _, _ = split(alike(np.zeros((1, 6)), covariance[None], 1), heard)
+        np.testing.assert_allclose(states[0, 1], [3.0, 0, 0, 0, 0, 0], atol=1e-5)
+        np.testing.assert_allclose(states[0, 2], [-3.0, 0, 0, 0, 0, 0], atol=1e-5)
+    by_digits = [
+        split(alike(np.zeros((1, 6)), one[None], 1), heard, settled=False)[0] for one in (alike_on_all, rounded)
+    ]
+    assert np.abs(by_digits[0] - by_digits[1]).max() > 0.1
+
+
 def test_what_is_narrow_or_has_no_range_stays_one():
     heard = heard_of(np.zeros((1, 3)))
     narrow = alike(np.zeros((1, 6)), 0.01 * WIDE[None], 1)

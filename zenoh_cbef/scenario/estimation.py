@@ -30,7 +30,7 @@ class Filter(Table):
     """The estimation filter and its settings. None: the value follows from target and sensor."""
 
     kind: str = "sicf"
-    defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22] = 22
+    defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23] = 23
     """The rules by which `auto` and None decide, 1 those of version 0.2.0 and before it.
 
     Logs hold `auto` as such, so a change of what it means is a new number, and old logs keep theirs (see legacy.py).
@@ -66,8 +66,11 @@ class Filter(Table):
     """Time constant of `decay`, s."""
     turn_rate_std: Rate = 1.0
     """Of a turn's rate at first, rad/s."""
-    turn_rate_change: Factor | None = 0.01
-    """The share of it by which the rate changes in a step; None: by turn_rate_std in a second."""
+    turn_rate_change: Annotated[
+        Factor | Literal["auto"] | None, Field(description="a number from 1e-06 to 1e+12, or 'auto'")
+    ] = "auto"
+    """The share of it by which the rate changes in a step; None: by turn_rate_std in a second. auto: a hundredth, or in
+    steps longer than 0.1 s as much as turns the velocity by the same angle."""
     models: tuple[Model, ...] = ()
     """Those of `imm`, the most agile one last; none: straight on, a turn, and two that are agile."""
     agile: Literal["jump", "ncv"] = "jump"

@@ -23,10 +23,7 @@ from zenoh_cbef.tracking.ranging import Space
 
 @dataclass(frozen=True, eq=False)
 class Filtering(Meant):
-    """What agents estimate, and how. Every part is made when it is first asked for, and kept.
-
-    On the seed and on injected faults nothing here depends but the absences.
-    """
+    """What agents estimate, and how, made when first asked for; on seed and injected faults absences alone depend."""
 
     @property
     def abilities(self) -> Abilities:
@@ -185,6 +182,7 @@ class Filtering(Meant):
             tells_ranges=self.tells_ranges,
             seeks=self.seeks,
             splits=self.splits,
+            settled=chosen.defaults > 22,
             ties=self._may_leap,
             exact=chosen.defaults > 16 and bool(self.models),
             agrees=chosen.defaults > 15,
@@ -251,10 +249,11 @@ class Filtering(Meant):
             calls_roll=network.calls_roll(scenario),
             rounds=scenario.consensus.rounds,
             reacquires=window,
+            damping=start.damping(scenario, self.space.axes),
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),
             drifts=network.parts(scenario) or not (chosen.defaults > 15 and self.models and self.splits),
-            awaits=chosen.defaults > 15 and not trust.real(scenario),
+            awaits=chosen.defaults > (22 if trust.real(scenario) else 15),
             # At turns among ranges that may be wrong an estimate is unsure for some steps, though no range is missing.
             bends=chosen.defaults > 7 and not (tells or (self.models and settings.weighed)),
             prompt=chosen.defaults > 8 and not trust.real(scenario),

@@ -15,7 +15,6 @@ import tomli_w
 from pydantic import ValidationError
 
 from zenoh_cbef.datasets import dataset_folder, read_dataset
-from zenoh_cbef.datasets.agility import agility
 from zenoh_cbef.datasets.gaps import gap
 from zenoh_cbef.datasets.scatter import scatter
 from zenoh_cbef.datasets.spikes import without_spikes
@@ -24,10 +23,10 @@ from zenoh_cbef.plain import read_toml, whole
 from zenoh_cbef.scenario.library import Library
 from zenoh_cbef.scenario.mistakes import sentence
 from zenoh_cbef.scenario.model import MOST_STEPS, Scenario
-from zenoh_cbef.scenario.motion import recorded_acceleration
 from zenoh_cbef.scenario.paths import step_times
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.plugged import PackageAbsentError, lacking, stamped
+from zenoh_cbef.scenario.recorded_motion import recorded_motion
 from zenoh_cbef.words import counted
 
 _SHORT_NUMBER = re.compile(r"[+-]?(\.\d+|\d+\.)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
@@ -208,8 +207,7 @@ def _lay_out(scenario: Scenario, folder: Path) -> Scenario:
     if scenario.filter.acceleration_interval is None:
         data["filter"]["acceleration_interval"] = dataset.interval
         if scenario.filter.acceleration_std is None and scenario.filter.defaults > 14:
-            told, rules = agility(plain), scenario.filter.defaults
-            data["filter"]["acceleration_std"] = recorded_acceleration(told, dataset.interval, defaults=rules)
+            data["filter"].update(recorded_motion(scenario, plain))
     today = scenario.filter.defaults > 11
     if scenario.filter.range_std == "auto" and (today or "range_std" not in scenario.sensor.model_fields_set):
         # A noise that begins far below the true one comes too late for the first fix, and for biases.

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from zenoh_cbef.scenario import start, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.tracking.filters import abilities_of
@@ -14,9 +12,6 @@ from zenoh_cbef.tracking.motion import LinearMotion, Motion, MotionSettings, Nea
 
 RECORDED_ACCELERATION = 1.0
 """Acceleration of a real target where the scenario gives none, m/s^2: a walking person, a trolley, a slow vehicle."""
-
-_RECORDED_POWER = 0.1
-"""The least power of its acceleration, m^2/s^3: of a person who changes velocity by 1 m/s once in ten seconds."""
 
 _INDEX, _CALM, _AGILE = 0.5, 0.01, 10.0
 """Tracking indices q dt^2/sigma (Kalata, IEEE TAES 20(2), 1984) of a target of which nothing else is known.
@@ -41,6 +36,12 @@ _LASTING, _OFTEN, _ALWAYS = 0.005, 0.03, 0.3
 """How likely a target leaves its motion in a step: a few times in a run, in a turn, and as soon as it begins another.
 
 The last is for few ranges: what happens between two of them then looks like one motion.
+"""
+
+_TURNS, _STEP = 0.01, 0.1
+"""By what share of its standard deviation at first a turn's rate changes in a step, and in how long a one at most, s.
+
+A target that goes round keeps to its rate. In a longer step the velocity would turn by a larger angle for it.
 """
 
 _FACTORS, _FEWER = (tuple(2.0**power for power in range(least, 5, step)) for least, step in ((-6, 1), (-4, 2)))
@@ -182,10 +183,18 @@ def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings
         interval=chosen.acceleration_interval,
         velocity_time=chosen.velocity_time,
         turn_rate_std=chosen.turn_rate_std,
-        turn_rate_change=chosen.turn_rate_change,
+        turn_rate_change=_turn_rate_change(scenario),
         throughout=chosen.defaults < 16,
         keeps_speed=chosen.defaults > 15,
     )
+
+
+def _turn_rate_change(scenario: Scenario) -> float | None:
+    """By what share of its standard deviation at first a turn's rate changes in a step; None: by all in a second."""
+    given = scenario.filter.turn_rate_change
+    if given != "auto":
+        return given
+    return _TURNS * min(1.0, _STEP / scenario.dt) if scenario.filter.defaults > 22 else _TURNS
 
 
 def _acceleration_std(scenario: Scenario, range_std: float) -> float:
@@ -203,17 +212,6 @@ def _acceleration_std(scenario: Scenario, range_std: float) -> float:
         return index
     # What takes a target from rest as far as it gets in a step.
     return max(index, 2.0 * start.reach(scenario) / scenario.dt**2)
-
-
-def recorded_acceleration(told: float | None, interval: float | None, *, defaults: int) -> float:
-    """The acceleration, m/s^2, of a recorded target, for an interval of its ranges, s; told: what these tell.
-
-    One that seems calm may still turn, however rare its ranges are: as a person does now and then, and by half of a
-    person's acceleration at least. By the fifteenth rules it was all of that, which is hasty if it lasts for a second.
-    """
-    if interval is None or defaults < 16:
-        return max(RECORDED_ACCELERATION, told or 0.0)
-    return max(float(np.sqrt(_RECORDED_POWER / interval)), 0.5 * RECORDED_ACCELERATION, told or 0.0)
 
 
 def _begins_at_rest(scenario: Scenario) -> bool:

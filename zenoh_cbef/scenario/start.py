@@ -14,6 +14,7 @@ from zenoh_cbef.scenario import paths, trust
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
 from zenoh_cbef.tracking.filters import abilities_of
+from zenoh_cbef.tracking.filters.damping import Damping
 from zenoh_cbef.tracking.motion import Motion, begun
 from zenoh_cbef.tracking.ranging import Space
 
@@ -243,6 +244,13 @@ def half_box(scenario: Scenario) -> float:
 def half_diagonal(scenario: Scenario) -> float:
     """Half of the diagonal of the box around the agents, m."""
     return float(np.linalg.norm(np.ptp(paths.placement(scenario), axis=0))) / 2.0
+
+
+def damping(scenario: Scenario, axes: int) -> Damping | None:
+    """Of fixes on real ranges, of which any number may be wrong."""
+    if scenario.filter.defaults < 23 or not trust.real(scenario):
+        return None
+    return Damping(middle(scenario)[:axes], 2.0 * half_diagonal(scenario))
 
 
 def initial_states(scenario: Scenario) -> Floats:

@@ -88,10 +88,10 @@ BY_LIBRARY = Inversion()
 
 
 def leading_trace(matrices: Floats, size: int) -> Floats:
-    """Sums (n,) of the first elements of diagonals, of matrices (n, >= size, >= size), always in this order."""
-    total = matrices[:, 0, 0]
+    """Sums (...) of the first elements of diagonals, of matrices (..., >= size, >= size), always in this order."""
+    total = matrices[..., 0, 0]
     for place in range(1, size):
-        total = total + matrices[:, place, place]
+        total = total + matrices[..., place, place]
     return total
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.damping import Damping
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
 from zenoh_cbef.tracking.motion import BesideConstants, Motion
 from zenoh_cbef.tracking.outliers import Errors
@@ -75,6 +76,8 @@ class FilterSettings:
     splits: int = 0
     """How agents that tell their ranges split hypotheses, of which they keep several of each motion (see splitting.py);
     0: they do not."""
+    settled: bool = False
+    """Whether an axis decides which way they are split of several directions in which as little is known."""
 
     # Errors of ranges.
     power: int = 1
@@ -175,6 +178,8 @@ class FilterSettings:
     """Whether another fix after coasting waits for ranges that came meanwhile."""
     bends: bool = False
     """Whether agents coast no further than ranges are straight lines."""
+    damping: Damping | None = None
+    """Of the corrections of a fix; None: they are as large as ranges ask for."""
     reacquires: int = 0
     """How many steps another fix takes; 0: there is none."""
     anywhere: tuple[Floats, Floats] | None = None

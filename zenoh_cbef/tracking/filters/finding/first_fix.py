@@ -11,6 +11,7 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
+from zenoh_cbef.tracking.filters.damping import Damping, corrected
 from zenoh_cbef.tracking.filters.finding.prior import carried, together
 from zenoh_cbef.tracking.filters.finding.remembered_ranges import Remembered, Rows, Wandering, contamination
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Frame, Seen, SquaredRanges
@@ -53,6 +54,7 @@ class FirstFix(Wrapping):
     own_bias_std: of the agents' own biases, m, where beta^2 is counted as an error that all m ranges share, and not as
     m beta^2 in each, and the filter begins with what the fix says of these biases; 0: neither. least: the least range
     that is squared, m. joins: whether an agent that begins anew joins a fix that is under way. inversion: of matrices.
+    damping: of corrections, if any.
     """
 
     power: ClassVar[int] = 1
@@ -75,6 +77,7 @@ class FirstFix(Wrapping):
     least: float = -np.inf
     joins: bool = False
     inversion: Inversion = BY_LIBRARY
+    damping: Damping | None = None
 
     @classmethod
     def of(cls, settings: FilterSettings, then: Filter, xi: float, payload_size: int) -> Self:
@@ -99,6 +102,7 @@ class FirstFix(Wrapping):
             least=settings.least,
             joins=settings.joins_fix and settings.search is not None,
             inversion=settings.inversion,
+            damping=settings.damping,
         )
 
     @property
@@ -156,9 +160,11 @@ class FirstFix(Wrapping):
             fix = self._fix_at_rest(payload, update.payload, prior, steps)
         else:
             fix = self._fix_moving(payload, update.payload)
+        state, correction = corrected(self.damping, predicted, fix.state, steps - self._squared_steps)
+        fix = replace(fix, state=state)
         if steps >= self.steps:
             return Belief(fix.state, fix.covariance, parts=(self._tied(fix, Seen(*history[2:])),))
-        return replace(fix, memory=(*history, fix.state - predicted))
+        return replace(fix, memory=(*history, correction))
 
     def _tied(self, fix: Belief, seen: Seen) -> Belief:
         """The fix, with what the agent's own ranges say of its bias given the state."""

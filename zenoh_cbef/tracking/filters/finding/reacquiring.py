@@ -10,6 +10,7 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.damping import corrected
 from zenoh_cbef.tracking.filters.finding.drifted import drifted
 from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.finding.knowing import Knowing, former_of
@@ -75,7 +76,7 @@ class Reacquiring(Wrapping):
     def of(cls, settings: FilterSettings, around: Knowing, xi: float, payload_size: int) -> Reacquiring:
         """Around a filter that says its status. payload_size: of that filter."""
         guesses, ever = settings.guesses and (1, 1), np.iinfo(np.int64).max
-        fix = FirstFix.of(settings, around, xi, payload_size)
+        fix = replace(FirstFix.of(settings, around, xi, payload_size), damping=None)
         squares = replace(fix, steps=ever, search=settings.anywhere, guesses=guesses, squared=ever)
         if settings.anywhere is None:
             raise ValueError("a filter that looks for its target again has to know where that may be")
@@ -207,8 +208,10 @@ class Reacquiring(Wrapping):
         state = _pick(square, squared.state, refined.state)
         covariance = _pick(square, squared.known_covariance, refined.known_covariance)
         ahead = predict(self.settings.motion, Belief(search.fix, search.fix_covariance))
+        passes = search.step - search.begun - self.window // _SQUARED_SHARE
+        state, correction = corrected(self.settings.damping, search.correction, state, passes)
         state, covariance = _pick(apart, ahead[0], state), _pick(apart, ahead[1], covariance)
-        return replace(search, fix=state, fix_covariance=covariance, correction=state - search.correction)
+        return replace(search, fix=state, fix_covariance=covariance, correction=correction)
 
     def _turned(
         self, inner: Belief, search: Search, before: Update, wanted: Bools, apart: Bools, *, fitted: Floats

@@ -9,7 +9,7 @@ from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.models.abreast import abreast
 from zenoh_cbef.tracking.filters.models.branching import Branches, Heard
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, total
-from zenoh_cbef.tracking.linalg import matvec, outer
+from zenoh_cbef.tracking.linalg import leading_trace, matvec, outer
 from zenoh_cbef.tracking.switching import Switching
 
 STAY = 6
@@ -23,6 +23,9 @@ ROUGHLY, CLOSELY = 1, 2
 
 _PART = 0.5
 """By what part of what a hypothesis leaves open of a range that may bend over it."""
+
+_TILT = 1e-6
+"""By what share of all that is open an axis counts for less known than the next one: more than rounding leaves."""
 
 NEAR = 1.0
 """The square of how many standard deviations apart two hypotheses are one: those of a split are farther apart."""
@@ -44,7 +47,7 @@ def staying(branches: Branches) -> Priors:
     return states, covariances, np.maximum(weights, NEVER)
 
 
-def split(priors: Priors, heard: Heard, splits: int = CLOSELY) -> Priors:
+def split(priors: Priors, heard: Heard, splits: int = CLOSELY, *, settled: bool = True) -> Priors:
     """Each hypothesis, or three in its place where one of the ranges bends too much over it.
 
         N(x, P)  ->  N(x, P - d d^T/2)/2 + N(x + d, P - d d^T/2)/4 + N(x - d, P - d d^T/2)/4,    d = P u/sqrt(u^T P u)
@@ -58,14 +61,17 @@ def split(priors: Priors, heard: Heard, splits: int = CLOSELY) -> Priors:
     splits: CLOSELY also where a range bends by less than its noise, but by more than half of what the hypothesis leaves
     open of it. What one range does not show many do: how far a target is from few receivers is soon known far better
     than by a single range, and their spheres leave a straight line by more than that. 0: none is split.
+
+    settled: whether, of several directions in which as little is known, the one nearest to the first axes is taken. By
+    rules before the 23rd the last digits decide, which differ between processors.
     """
     if not splits:
         return priors
     state, covariance, likelihood = priors
     axes = heard.place.shape[2]
     known = np.ascontiguousarray(covariance[:, :, :axes, :axes])
-    sizes, directions = np.linalg.eigh(known)
-    wide, along = np.maximum(sizes[:, :, -1], np.finfo(np.float64).tiny), directions[:, :, :, -1]
+    sizes, along = _widest(known, settled=settled)
+    wide = np.maximum(sizes, np.finfo(np.float64).tiny)
     closely = splits == CLOSELY
     most = _PART if closely else 1.0
     bends = _bend(state[:, :, :axes], known if closely else None, wide, along, heard) > most
@@ -83,6 +89,20 @@ def split(priors: Priors, heard: Heard, splits: int = CLOSELY) -> Priors:
         np.concatenate([narrower, narrower, narrower], axis=1),
         np.concatenate([middle, beside, beside], axis=1),
     )
+
+
+def _widest(known: Floats, *, settled: bool) -> tuple[Floats, Floats]:
+    """The largest variance (n, k), m^2, of covariances (n, k, axes, axes), and its direction (n, k, axes)."""
+    if not settled:
+        sizes, directions = np.linalg.eigh(known)
+        return sizes[:, :, -1], directions[:, :, :, -1]
+    axes = known.shape[-1]
+    tilt = leading_trace(known, axes)[:, :, None, None] * np.diag(_TILT * np.arange(axes, 0.0, -1.0))
+    along = np.linalg.eigh(known + tilt)[1][:, :, :, -1]
+    # The library gives a direction or its opposite, and which of two branches comes first decides between equals.
+    largest = np.abs(along).argmax(axis=2)[:, :, None]
+    along = along * np.sign(np.take_along_axis(along, largest, axis=2))
+    return np.add.reduce(along * matvec(known, along), axis=2), along
 
 
 def _bend(place: Floats, known: Floats | None, wide: Floats, along: Floats, heard: Heard) -> Floats:

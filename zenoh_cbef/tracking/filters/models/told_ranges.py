@@ -53,9 +53,9 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity; 0: there are none. anywhere: where the target may be if the guesses are
     wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges bend, of which
-    several stay then (splitting.py); 0: none. least: ranges below it, m, are none. ties: see tying.py. exact: see
-    branching.py. agrees: whether agents agree on the mean of their guesses before they predict it: a motion that is not
-    linear leaves each of them another covariance otherwise. compares: see contending.py.
+    several stay then (splitting.py); 0: none. settled: see there. least: ranges below it, m, are none. ties: see
+    tying.py. exact: see branching.py. agrees: whether agents agree on the mean of their guesses before they predict it:
+    a motion that is not linear leaves each of them another covariance otherwise. compares: see contending.py.
     """
 
     motions: tuple[Motion, ...]
@@ -70,6 +70,7 @@ class ToldRanges:
     anywhere: tuple[Floats, Floats] | None = None
     seeks: bool = False
     splits: int = 0
+    settled: bool = False
     least: float = -np.inf
     ties: bool = False
     exact: bool = False
@@ -98,6 +99,7 @@ class ToldRanges:
             anywhere=settings.anywhere,
             seeks=settings.seeks,
             splits=settings.splits,
+            settled=settings.settled,
             least=settings.least,
             ties=settings.ties,
             exact=settings.exact,
@@ -176,7 +178,7 @@ class ToldRanges:
         prior, heard = (state, covariance, likely), Heard(*told)
         known = self.space.axes, self._biases, share(counts) if self.seeks else None, motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
-        parts = (split(one, heard, self.splits) for one in halves)
+        parts = (split(one, heard, self.splits, settled=self.settled) for one in halves)
         before = [Branches.of(one, *known, ties=self.ties, exact=self.exact) for one in parts]
         if self.seeks:
             where = self._elsewhere(len(counts))

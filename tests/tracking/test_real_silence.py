@@ -1,0 +1,66 @@
+"""Agents whose ranges are real wait for new ones in a silence, and find their target after it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.datasets.made import scenario_of
+from zenoh_cbef.simulator import simulate
+from zenoh_cbef.tracking.status import ACQUIRING
+
+ANCHORS = [(4.0 * np.cos(angle), 4.0 * np.sin(angle)) for angle in np.arange(9) * 2.0 * np.pi / 9.0]
+SILENT = 25.0, 40.0
+
+
+def corners(time):
+    """At 1.5 m/s from corner to corner of a square of 4 m."""
+    return np.stack([np.interp(time, 8.0 / 3.0 * np.arange(25), np.tile(side, 7)[:25])
+                     for side in ([-2.0, 2.0, 2.0, -2.0], [-2.0, -2.0, 2.0, 2.0])], axis=-1)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Nine anchors around a target that turns sharply; half of their five ranges a second are missing."""
+    random, rows, folder = np.random.default_rng(1), [], tmp_path_factory.mktemp("corners") / "set"
+    for number, anchor in enumerate(ANCHORS):
+        time = np.arange(0.02, 60.0, 0.2)
+        time = time[(random.random(len(time)) < 0.5) & ((time < SILENT[0]) | (time > SILENT[1]))]
+        ranges = np.linalg.norm(corners(time) - anchor, axis=1) + 0.05 * random.normal(size=len(time))
+        rows += [(t, number, r) for t, r in zip(time, ranges, strict=True)]
+    folder.mkdir()
+    time = np.arange(0.0, 60.0, 0.05)
+    lines = {
+        "anchors": ["id,x,y,z", *(f"{number},{x},{y},0" for number, (x, y) in enumerate(ANCHORS))],
+        "ranges": ["t,anchor_id,range", *(f"{t},{number},{r}" for t, number, r in sorted(rows))],
+        "truth": ["t,x,y,z", *(f"{t},{x},{y},0" for t, (x, y) in zip(time, corners(time), strict=True))],
+    }
+    for name, said in lines.items():
+        (folder / f"{name}.csv").write_text("\n".join(said))
+    return folder
+
+
+def run(folder, *more):
+    """Time, errors (n, K), m, claimed ones, and what agents say."""
+    scenario = scenario_of(folder, "dt=0.1", "filter.range_std=0.05", "filter.planar_height=0", *more)
+    (trace,) = simulate([scenario])
+    claimed = np.sqrt(np.trace(trace.covariances[:, :, :2, :2], axis1=2, axis2=3))
+    errors = np.linalg.norm((trace.estimates - trace.truth)[..., :2], axis=2)
+    return trace.time, errors, claimed, trace.diagnostics.status
+
+
+def test_no_fix_begins_on_ranges_from_before_a_silence(recording):
+    time, errors, claimed, said = run(recording)
+    silent = (time > SILENT[0] + 0.5) & (time < SILENT[1])
+    assert not (said[:, silent] == ACQUIRING).any()
+    assert claimed[:, silent].max() < 15.0
+    after = (time > SILENT[1] + 5.0) & (time < 58.0)
+    assert np.sqrt(np.mean(errors[:, after] ** 2)) < 0.4
+    assert errors[:, after].max() < 1.5
+
+
+def test_by_earlier_rules_one_begins_and_what_agents_claim_grows_without_bound(recording):
+    time, _, claimed, said = run(recording, "filter.defaults=22")
+    silent = (time > SILENT[0] + 0.5) & (time < SILENT[1])
+    assert (said[:, silent] == ACQUIRING).any()
+    assert claimed[:, silent].max() > 40.0

@@ -1,0 +1,57 @@
+"""How fast a recorded target is along an axis, from the ranges alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zenoh_cbef.arrays import Floats
+from zenoh_cbef.datasets.dataset import Dataset
+from zenoh_cbef.datasets.scatter import scatter
+
+_GROWTH, _TIMES, _MOST = 1.25, 4.0, 512
+"""By what factor spans get longer, until ranges change by more than noise explains; and the longest, in ranges."""
+
+_FAR = 9.0
+"""The square of how many usual sizes a rate is at most: a range that is wrong for long jumps at its begin and end."""
+
+_NORMAL = 0.6745
+"""The median size of a standard normal number."""
+
+
+def speed(dataset: Dataset, most_noise: float = np.inf) -> float | None:
+    """The standard deviation, m/s, of the target's velocity along an axis; None for too few ranges.
+
+    That is how fast ranges change, as a target's directions have nothing to do with those to the agents. Between two
+    ranges that are a span t apart noise changes them, too, by 2 sigma^2 mean square. A short span hides no turn, so the
+    first is taken at which the change is well above that. most_noise: what sigma is at most, m: where ranges are rare,
+    they scatter by the motion.
+    """
+    interval, noise = dataset.interval, scatter(dataset)
+    if interval is None or noise is None:
+        return None
+    noise, apart = min(noise, most_noise), 1
+    while apart <= _MOST:
+        rates, spans = _rates(dataset, apart, 3.0 * apart * interval)
+        if len(rates) == 0:
+            break
+        usual = float(np.median(np.abs(rates))) / _NORMAL
+        square = float(np.mean(np.minimum(rates**2, _FAR * usual**2)))
+        by_noise = 2.0 * noise**2 * float(np.mean(spans**-2))
+        if square > _TIMES * by_noise:
+            return float(np.sqrt(square))
+        apart = max(apart + 1, int(_GROWTH * apart))
+    return None
+
+
+def _rates(dataset: Dataset, apart: int, longest: float) -> tuple[Floats, Floats]:
+    """How fast ranges of one agent that are so many apart change, m/s, and what time is between them, s."""
+    changes, spans = [np.zeros(0)], [np.zeros(0)]
+    for anchor in range(len(dataset.anchors)):
+        own = dataset.range_anchor == anchor
+        time, ranges = dataset.range_time[own], dataset.ranges[own]
+        span = time[apart:] - time[:-apart]
+        near = (span > 0.0) & (span <= longest)
+        changes.append((ranges[apart:] - ranges[:-apart])[near])
+        spans.append(span[near])
+    every = np.concatenate(spans)
+    return np.concatenate(changes) / every, every
