@@ -48,6 +48,10 @@ BENCHMARKS = {
     "filters": ("filters", "every filter, 50 seeds and recorded data; --write docs/filters.md --data FOLDER"),
     "recorded": ("recorded", "recorded ranges, with biases left alone, estimated and weighed, and other settings"),
     "held-out": ("held_out", "made-up sets of the same kinds, with known biases"),
+    "random-sets": (
+        "random_sets",
+        "sets drawn at random, beside a centralised prototype; --seeds 50, --first 1001, --set",
+    ),
     "faults": ("random_faults", "200 random fault scenarios as processes, each proved by verify"),
     "fault-cost": ("fault_cost", "what faults cost a round of a scenario that has none"),
     "stress": ("stress", "scenarios that lose trackers; --case NAME, --seeds 50, --set filter.defaults=8"),
@@ -72,6 +76,7 @@ BENCHMARKS = {
 _OPTIONS = {
     "filters": ("data", "write"),
     "held-out": ("case", "set"),
+    "random-sets": ("seeds", "first", "set"),
     "scale": ("agents",),
     "large": ("million",),
     "hosts": ("agents",),
@@ -93,16 +98,16 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="soak, ring-soak: how long the run is, after kills")
     parser.add_argument("--kills", type=int, default=200, help="ring-soak: how many recorders, and agents, are killed")
     parser.add_argument("--case", help="stress, held-out: the one case to run; default: all")
-    parser.add_argument("--seeds", type=int, default=50, help="stress, parted, motions: how many seeds of each case")
+    parser.add_argument("--seeds", type=int, default=50, help="stress, parted, motions, random-sets: how many seeds")
     parser.add_argument("--agents", help="scale, hosts: how many agents runs have; default: 24,100 and 100")
     parser.add_argument("--million", action="store_true", help="large: a million agents, too")
-    parser.add_argument("--first", type=int, default=1001, help="stress, parted, motions: the first seed")
+    parser.add_argument("--first", type=int, default=1001, help="stress, parted, motions, random-sets: the first seed")
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="stress, realtime, held-out: a key; may be repeated",
+        help="stress, realtime, held-out, random-sets: a key; may be repeated",
     )
     parser.add_argument("--search", type=int, default=0, help="stress: try so many random cases, keep what it finds")
     parser.add_argument("--write", type=Path, help="filters: the page to bring up to date")

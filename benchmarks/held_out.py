@@ -34,7 +34,7 @@ class Kind:
     of ranges that are too long, and by how much on average, m. reflected: for how long ranges of an anchor are too
     long, and for how long they are not, s on average, and by how much then, m. rest: for how long the target rests at
     first, s. rounding: what its turns are rounded over, s. height: the filter's planar height, m; None: it estimates
-    three axes.
+    three axes. missing: the share of ranges that do not come. silence: for how long none do in the middle, s.
     """
 
     anchors: Callable[[np.random.Generator], Floats]
@@ -53,6 +53,8 @@ class Kind:
     rest: float = 0.0
     rounding: float = 1.5
     height: float | None = None
+    missing: float = 0.0
+    silence: float = 0.0
 
 
 def _room(rng: np.random.Generator) -> Floats:
@@ -162,7 +164,10 @@ def write(kind: Kind, seed: int, folder: Path) -> None:
         if kind.reflected is not None:
             error += _reflected(at, *kind.reflected, rng)
         ranges = (1.0 + kind.share) * np.linalg.norm(position - place, axis=1) + error
-        rows += [(t, anchor, value) for t, value in zip(at.tolist(), ranges.tolist(), strict=True)]
+        comes = np.abs(at - 0.5 * kind.seconds) >= 0.5 * kind.silence
+        if kind.missing:
+            comes &= rng.uniform(size=len(at)) >= kind.missing
+        rows += [(t, anchor, value) for t, value in zip(at[comes].tolist(), ranges[comes].tolist(), strict=True)]
     folder.mkdir(parents=True, exist_ok=True)
     _csv(folder / "anchors.csv", "id,x,y,z", [(row, *place) for row, place in enumerate(anchors.tolist())])
     _csv(folder / "ranges.csv", "t,anchor_id,range", sorted(rows))

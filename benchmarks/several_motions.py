@@ -14,6 +14,7 @@ from zenoh_cbef.analysis.strong import strong
 from zenoh_cbef.analysis.strong.told import told
 from zenoh_cbef.analysis.yardsticks import centralized_run
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.scenario.motion import turn_rate_change
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.copying import replace
@@ -41,7 +42,7 @@ COLUMNS = ("case", "filter", "RMSE (m)", "NEES/d", "of the position", "of the ve
 
 def keys(plan: Plan, noises: Sequence[float], switching: float | str) -> list[str]:
     """The motions that a plan assumes with other calm ones, whose rates change less, too, and another `switching`."""
-    unit, change = plan.range_std / plan.scenario.dt**2, plan.scenario.filter.turn_rate_change or 0.0
+    unit, change = plan.range_std / plan.scenario.dt**2, turn_rate_change(plan.scenario) or 0.0
     calm = [
         f'{{motion="{kind}",acceleration_std={index * unit!r},turn_rate_change={change * index / ASSUMED!r}}}'
         for kind in ("ncv", "turn")

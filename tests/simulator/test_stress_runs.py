@@ -42,12 +42,11 @@ MORE = {
 """Scenarios beside those of benchmarks/stress.toml: what is laid over the built-in `tracking`."""
 
 
-LONG = 40
+LONG = 25
 SHORT = {
     "fast-lemniscate": 20,
     "fast-lemniscate-and-bursts": 20,
     "precise-ranges-in-a-small-box": 12,
-    "slow-steps-and-lemniscate": 30,
 }
 """How many steps are compared, of cases in which targets turn far in one: which of many hypotheses stay is decided by
 ever smaller differences, and processors agree on them for so long."""

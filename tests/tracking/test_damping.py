@@ -60,7 +60,8 @@ def test_fixes_on_real_ranges_are_damped():
 
     assert damping() is None
     assert damping("sensor.real=true", "filter.defaults=22") is None
-    found = damping("sensor.real=true", "agents.count=2", "agents.positions=[[0,0,0],[3,4,0]]", "network.graph=complete")
+    two = "agents.count=2", "agents.positions=[[0,0,0],[3,4,0]]", "network.graph=complete"
+    found = damping("sensor.real=true", *two)
     assert found is not None
     assert found.diagonal == pytest.approx(5.0)
     assert found.middle == pytest.approx((1.5, 2.0, 0.0))

@@ -183,13 +183,13 @@ def _settings(scenario: Scenario, range_std: float, axes: int) -> MotionSettings
         interval=chosen.acceleration_interval,
         velocity_time=chosen.velocity_time,
         turn_rate_std=chosen.turn_rate_std,
-        turn_rate_change=_turn_rate_change(scenario),
+        turn_rate_change=turn_rate_change(scenario),
         throughout=chosen.defaults < 16,
         keeps_speed=chosen.defaults > 15,
     )
 
 
-def _turn_rate_change(scenario: Scenario) -> float | None:
+def turn_rate_change(scenario: Scenario) -> float | None:
     """By what share of its standard deviation at first a turn's rate changes in a step; None: by all in a second."""
     given = scenario.filter.turn_rate_change
     if given != "auto":

@@ -47,7 +47,7 @@ def corrected(damping: Damping | None, before: Floats, after: Floats, passes: fl
 
 
 def _length(vectors: Floats) -> Floats:
-    return np.sqrt(np.add.reduce(vectors * vectors, axis=1))
+    return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=1)))
 
 
 def _at_most(most: Floats, size: Floats) -> Floats:
