@@ -1,4 +1,4 @@
-"""Sets drawn at random, of kinds that nothing was tuned to: ours beside a centralised prototype that was written apart."""
+"""Sets drawn at random, of kinds to which nothing was tuned: ours beside a prototype that was written apart."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets.dataset import Dataset
 
 _NEAR = 3.0
@@ -32,4 +33,9 @@ def scatter(dataset: Dataset, apart: int = 1) -> float | None:
         left = ranges[middle][near] - (1.0 - after) * ranges[before][near] - after * ranges[later][near]
         found.append(np.abs(left) / np.sqrt(1.0 + after**2 + (1.0 - after) ** 2))
     sizes = np.concatenate(found)
-    return float(np.median(sizes)) / _NORMAL if len(sizes) >= _LEAST else None
+    return deviation(sizes) if len(sizes) >= _LEAST else None
+
+
+def deviation(values: Floats) -> float:
+    """The standard deviation of normal numbers whose median size is that of these."""
+    return float(np.median(np.abs(values))) / _NORMAL

@@ -6,16 +6,13 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets.dataset import Dataset
-from zenoh_cbef.datasets.scatter import scatter
+from zenoh_cbef.datasets.scatter import deviation, scatter
 
 _GROWTH, _TIMES, _MOST = 1.25, 4.0, 512
 """By what factor spans get longer, until ranges change by more than noise explains; and the longest, in ranges."""
 
 _FAR = 9.0
 """The square of how many usual sizes a rate is at most: a range that is wrong for long jumps at its begin and end."""
-
-_NORMAL = 0.6745
-"""The median size of a standard normal number."""
 
 
 def speed(dataset: Dataset, most_noise: float = np.inf) -> float | None:
@@ -34,8 +31,7 @@ def speed(dataset: Dataset, most_noise: float = np.inf) -> float | None:
         rates, spans = _rates(dataset, apart, 3.0 * apart * interval)
         if len(rates) == 0:
             break
-        usual = float(np.median(np.abs(rates))) / _NORMAL
-        square = float(np.mean(np.minimum(rates**2, _FAR * usual**2)))
+        square = float(np.mean(np.minimum(rates**2, _FAR * deviation(rates) ** 2)))
         by_noise = 2.0 * noise**2 * float(np.mean(spans**-2))
         if square > _TIMES * by_noise:
             return float(np.sqrt(square))

@@ -16,6 +16,9 @@ _POWER = 0.1
 _LEAST, _WALK = 0.5 * RECORDED_ACCELERATION, 1.0
 """The least acceleration, m/s^2, of a target that is as fast as a person who walks, m/s."""
 
+_SOONEST = 1e-3
+"""Within what time a velocity is forgotten at the soonest, s."""
+
 _DOUBT = 2.0
 """By what factor a noise that is told may be too small."""
 
@@ -31,13 +34,16 @@ def recorded_motion(scenario: Scenario, plain: Dataset) -> dict[str, float]:
     """
     chosen, interval = scenario.filter, plain.interval
     told = agility(plain)
+    # From the 23rd rules on; where ranges are too few to tell a speed, as before.
     fast = speed(plain, _DOUBT * _noise(scenario)) if chosen.defaults > 22 else None
     if not fast or interval is None:
         return {"acceleration_std": _acceleration(told, interval, defaults=chosen.defaults)}
     power = max((told or 0.0) ** 2 * interval, 2.0 * fast**2 / chosen.velocity_time)
     slower = min(1.0, float(np.sqrt(2.0)) * fast / _WALK)
     found = {"acceleration_std": max(float(np.sqrt(power / interval)), slower * _LEAST)}
-    return found if "velocity_time" in chosen.model_fields_set else found | {"velocity_time": 2.0 * fast**2 / power}
+    if "velocity_time" not in chosen.model_fields_set:
+        found["velocity_time"] = max(2.0 * fast**2 / power, _SOONEST)
+    return found
 
 
 def _noise(scenario: Scenario) -> float:

@@ -210,6 +210,7 @@ class Reacquiring(Wrapping):
         ahead = predict(self.settings.motion, Belief(search.fix, search.fix_covariance))
         passes = search.step - search.begun - self.window // _SQUARED_SHARE
         state, correction = corrected(self.settings.damping, search.correction, state, passes)
+        correction = _pick(apart, ahead[0] - search.correction, correction)
         state, covariance = _pick(apart, ahead[0], state), _pick(apart, ahead[1], covariance)
         return replace(search, fix=state, fix_covariance=covariance, correction=correction)
 
