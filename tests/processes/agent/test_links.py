@@ -58,7 +58,8 @@ def test_a_link_over_which_no_name_comes_is_made_again(world: World) -> None:
         presence = Presence(session, keys.all_live)
         assert claim(session, keys.claims, presence, "agent/1", 100.0, connection=mute)
         own = Place("agent/1", str(session.zid()), own_host(), tuple(mute.listen))
-        life = life_at(agent, mute)
+        # The target may have let in agent 1 before agent 0 listens.
+        life = until(lambda: life_at(agent, mute))
 
         def linked_twice() -> bool:
             ask_directory(session, keys.links("agent/1"), own)
