@@ -61,36 +61,51 @@ def free_ports() -> int:
     raise AssertionError("no row of ports is free")
 
 
+class Reader:
+    """A reader who follows the pages in one folder, each once: a page goes on from what those before it made."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.done = folder, list[Path]()
+
+    def follow(self, path: Path) -> tuple[str, int]:
+        """Call the commands of a page; returns what they print, and the status."""
+        page, story, first = path.read_text(encoding="utf-8"), self.folder / "story", free_ports()
+        for name, code in SAVED.findall(page):
+            (story / name).write_text(code, encoding="utf-8")
+        script = "".join(f"{line}\necho '{MARK}'\n" for line, _ in commands(page))
+        script = re.sub(r":74(\d\d)\b", lambda port: f":{first + int(port[1]) - 47}", script)
+        process = subprocess.Popen(
+            ["bash", "-euc", f"exec 2>&1\n{script}"], cwd=story if story.exists() else self.folder, text=True,
+            env=os.environ | {"PATH": PATH, "COLUMNS": "80", "XDG_RUNTIME_DIR": str(self.folder)},
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
+        )  # fmt: skip
+        try:
+            said, _ = process.communicate(timeout=1100)
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+        self.done.append(path)
+        return said, process.returncode
+
+
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("tutorial")
+def reader(tmp_path_factory):
+    return Reader(tmp_path_factory.mktemp("tutorial"))
 
 
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
-def test_every_command_does_what_the_page_shows(path, folder):
-    page = path.read_text(encoding="utf-8")
-    story = folder / "story"
-    for name, code in SAVED.findall(page):
-        (story / name).write_text(code, encoding="utf-8")
-    first = free_ports()
-    told = commands(page)
-    script = "".join(f"{line}\necho '{MARK}'\n" for line, _ in told)
-    script = re.sub(r":74(\d\d)\b", lambda port: f":{first + int(port[1]) - 47}", script)
-    process = subprocess.Popen(
-        ["bash", "-euc", f"exec 2>&1\n{script}"], cwd=story if story.exists() else folder, text=True,
-        env=os.environ | {"PATH": PATH, "COLUMNS": "80", "XDG_RUNTIME_DIR": str(folder)},
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
-    )  # fmt: skip
-    try:
-        said, _ = process.communicate(timeout=1100)
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
+def test_every_command_does_what_the_page_shows(path, reader):
+    # Where a test of one page is called alone.
+    for before in PAGES[: PAGES.index(path)]:
+        if before not in reader.done:
+            reader.follow(before)
+    told = commands(path.read_text(encoding="utf-8"))
+    said, status = reader.follow(path)
     printed = said.split(f"{MARK}\n")
     for (line, shown), out in zip(told, printed, strict=False):
         assert re.fullmatch(pattern(shown), as_shown(out)), f"$ {line}\n{out}\nand the page has\n{shown}"
-    assert process.returncode == 0, said
+    assert status == 0, said
     assert len(printed) == len(told) + 1
 
 
