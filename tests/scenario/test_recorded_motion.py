@@ -10,6 +10,7 @@ from zenoh_cbef.datasets import read_dataset
 from zenoh_cbef.datasets.agility import agility
 from zenoh_cbef.datasets.speed import speed
 from zenoh_cbef.datasets.spikes import without_spikes
+from zenoh_cbef.scenario import recorded_motion
 from zenoh_cbef.scenario.load import load, parse
 
 INTERVAL = 0.1
@@ -75,6 +76,22 @@ def test_a_slow_target_has_less_than_half_of_a_persons_acceleration(tmp_path):
     assert found.acceleration_std == pytest.approx(max(np.sqrt(least / INTERVAL), 0.5 * np.sqrt(2.0) * along), rel=0.01)
     assert found.acceleration_std < 0.1
     assert assumed(slow, "filter.range_std=0.01", "filter.defaults=22").acceleration_std == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("keys", "most"),
+    [(("filter.range_std=0.3",), 0.6), (("sensor.range_std=0.2",), 0.4)],
+)
+def test_a_told_noise_may_be_half_of_the_true_one(fast, monkeypatch, keys, most):
+    told: list[float] = []
+
+    def spied(plain, noise):
+        told.append(noise)
+        return speed(plain, noise)
+
+    monkeypatch.setattr(recorded_motion, "speed", spied)
+    assumed(fast, *keys)
+    assert told == [pytest.approx(most)]
 
 
 def test_a_log_keeps_what_ranges_told(fast):
