@@ -15,6 +15,7 @@ from pathlib import Path
 from types import FrameType
 
 import zenoh_cbef
+from benchmarks.putting import put
 from zenoh_cbef.cli.calling.main import main
 from zenoh_cbef.nodes.agent.agent import Agent
 from zenoh_cbef.nodes.agent.entrance import Entry
@@ -49,5 +50,5 @@ def _run(agent: Agent, entry: Entry) -> int:
 _original = Agent.run
 
 if __name__ == "__main__":
-    setattr(Agent, "run", _run)  # noqa: B010 - a method of the very class that the verb uses
+    put(Agent, "run", _run)
     main()

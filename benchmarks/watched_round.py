@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 from benchmarks.processes import Used, used_by
+from benchmarks.putting import put
 from benchmarks.watched import WATCHED
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.cli.calling.main import main
@@ -110,12 +111,12 @@ class Watch:
 
 def _time_places(agent: Agent, watch: Stopwatch) -> None:
     """Let the parts of a round tell when they begin and end."""
-    setattr(Alarm, "receive", watch.around(Alarm.receive, WAKE_UP))  # noqa: B010 - mypy lets no method be replaced
-    setattr(Neighbourhood, "round", watch.around(Neighbourhood.round, READ))  # noqa: B010 - mypy lets no method be replaced
-    setattr(neighbour, "is_within", watch.around(is_within, CHECK))  # noqa: B010 - mypy lets no method be replaced
-    setattr(Outbox, "send_round", watch.around(Outbox.send_round, HAND_OVER))  # noqa: B010 - mypy lets no method be replaced
-    setattr(RoundCodec, "encode", watch.around(RoundCodec.encode, WRITE))  # noqa: B010 - mypy lets no method be replaced
-    setattr(agent.outgoing, "message", watch.around(agent.outgoing.message, CHECK))  # noqa: B010 - mypy lets no method be replaced
+    put(Alarm, "receive", watch.around(Alarm.receive, WAKE_UP))
+    put(Neighbourhood, "round", watch.around(Neighbourhood.round, READ))
+    put(neighbour, "is_within", watch.around(is_within, CHECK))
+    put(Outbox, "send_round", watch.around(Outbox.send_round, HAND_OVER))
+    put(RoundCodec, "encode", watch.around(RoundCodec.encode, WRITE))
+    put(agent.outgoing, "message", watch.around(agent.outgoing.message, CHECK))
     mix = watch.around(agent.tracker.exchange, MIX)
 
     def exchange(received: Floats, delivered: Bools | None) -> Floats:
@@ -124,7 +125,7 @@ def _time_places(agent: Agent, watch: Stopwatch) -> None:
         finally:
             watch.turn()
 
-    setattr(agent.tracker, "exchange", exchange)  # noqa: B010 - mypy lets no method be replaced
+    put(agent.tracker, "exchange", exchange)
 
 
 def _run(agent: Agent, entry: Entry) -> int:
@@ -138,7 +139,7 @@ def _run(agent: Agent, entry: Entry) -> int:
         watch.look()
         return estimate
 
-    setattr(agent.tracker, "conclude", looked)  # noqa: B010 - mypy lets no method be replaced
+    put(agent.tracker, "conclude", looked)
     last = _original(agent, entry)
     Path(os.environ[WATCHED]).write_text(json.dumps(watch.told()), encoding="utf-8")
     return last
@@ -147,5 +148,5 @@ def _run(agent: Agent, entry: Entry) -> int:
 _original = Agent.run
 
 if __name__ == "__main__":
-    setattr(Agent, "run", _run)  # noqa: B010 - a method of the very class that the verb uses
+    put(Agent, "run", _run)
     main()

@@ -60,7 +60,5 @@ def test_a_target_at_rest_and_few_ranges_say_nothing():
     assert speed(recording(lambda time: np.ones((len(time), 2)))) is None
     few = recording(round_and_round(1.0), seconds=0.5)
     assert speed(few) is None
-    assert (
-        speed(replace(few, range_time=few.range_time[:1], range_anchor=few.range_anchor[:1], ranges=few.ranges[:1]))
-        is None
-    )
+    one = {key: getattr(few, key)[:1] for key in ("range_time", "range_anchor", "ranges")}
+    assert speed(replace(few, **one)) is None

@@ -42,11 +42,12 @@ MORE = {
 """Scenarios beside those of benchmarks/stress.toml: what is laid over the built-in `tracking`."""
 
 
-LONG = 25
+LONG = 40
 SHORT = {
     "fast-lemniscate": 20,
     "fast-lemniscate-and-bursts": 20,
     "precise-ranges-in-a-small-box": 12,
+    "slow-steps-and-lemniscate": 30,
 }
 """How many steps are compared, of cases in which targets turn far in one: which of many hypotheses stay is decided by
 ever smaller differences, and processors agree on them for so long."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from zenoh_cbef.datasets.dataset import Dataset
-from zenoh_cbef.datasets.scatter import scatter
+from zenoh_cbef.datasets.scatter import growing, scatter
 
 _SHORT = 3
 """How many ranges apart those are about which ranges scatter by their noise more than by the motion."""
 
-_GROWTH, _TIMES, _MOST = 1.25, 2.0, 128
-"""By what factor lines get longer, until the motion adds as much as the noise; and the longest, in ranges."""
+_TIMES, _MOST = 2.0, 128
+"""Up to how many times the noise lines get longer, and the longest, in ranges."""
 
 
 def agility(dataset: Dataset) -> float | None:
@@ -28,11 +28,12 @@ def agility(dataset: Dataset) -> float | None:
     interval, short = dataset.interval, scatter(dataset, _SHORT)
     if interval is None or short is None:
         return None
-    found, apart = None, _SHORT + 1
-    while apart <= _MOST and (longer := scatter(dataset, apart)) is not None:
+    found = None
+    for apart in growing(_SHORT + 1, _MOST):
+        if (longer := scatter(dataset, apart)) is None:
+            break
         power = 9.0 * max(longer**2 - short**2, 0.0) / (interval**3 * (apart**3 - _SHORT**3))
         found = float(np.sqrt(power / interval))
         if longer**2 > _TIMES * short**2:
             break
-        apart = max(apart + 1, int(_GROWTH * apart))
     return found

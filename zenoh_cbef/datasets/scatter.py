@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets.dataset import Dataset
 
-_NEAR = 3.0
+NEAR = 3.0
 """Ranges further apart than this many usual intervals are no neighbours: the target turns between them."""
-_LEAST = 20
+
+LEAST = 20
+"""Of how many ranges at least a recording has to tell anything."""
+
+_GROWTH = 1.25
 _NORMAL = 0.6745
 """The median size of a standard normal number."""
 
@@ -21,7 +27,7 @@ def scatter(dataset: Dataset, apart: int = 1) -> float | None:
     The median of its size is not moved by outliers, nor by anything that the ranges of an anchor have in common.
     What turns between these adds to it, and errors that last longer than that are left out.
     """
-    longest = _NEAR * apart * (dataset.interval or np.inf)
+    longest = NEAR * apart * (dataset.interval or np.inf)
     found = []
     for anchor in range(len(dataset.anchors)):
         own = dataset.range_anchor == anchor
@@ -33,7 +39,14 @@ def scatter(dataset: Dataset, apart: int = 1) -> float | None:
         left = ranges[middle][near] - (1.0 - after) * ranges[before][near] - after * ranges[later][near]
         found.append(np.abs(left) / np.sqrt(1.0 + after**2 + (1.0 - after) ** 2))
     sizes = np.concatenate(found)
-    return deviation(sizes) if len(sizes) >= _LEAST else None
+    return deviation(sizes) if len(sizes) >= LEAST else None
+
+
+def growing(first: int, most: int) -> Iterator[int]:
+    """How many ranges apart others are looked at, a quarter more each time: until the motion shows beside the noise."""
+    while first <= most:
+        yield first
+        first = max(first + 1, int(_GROWTH * first))
 
 
 def deviation(values: Floats) -> float:

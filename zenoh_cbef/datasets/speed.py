@@ -6,17 +6,17 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.datasets.dataset import Dataset
-from zenoh_cbef.datasets.scatter import deviation, scatter
+from zenoh_cbef.datasets.scatter import LEAST, NEAR, deviation, growing, scatter
 
-_GROWTH, _TIMES, _MOST = 1.25, 4.0, 512
-"""By what factor spans get longer, until ranges change by more than noise explains; and the longest, in ranges."""
+_TIMES, _MOST = 4.0, 512
+"""How many times what noise explains ranges have to change by, and over how many of them at most."""
 
 _FAR = 9.0
 """The square of how many usual sizes a rate is at most: a range that is wrong for long jumps at its begin and end."""
 
 
 def speed(dataset: Dataset, most_noise: float = np.inf) -> float | None:
-    """The standard deviation, m/s, of the target's velocity along an axis; None for too few ranges.
+    """The standard deviation, m/s, of the target's velocity along an axis; None for too few ranges, or none that shows.
 
     That is how fast ranges change, as a target's directions have nothing to do with those to the agents. Between two
     ranges that are a span t apart noise changes them, too, by 2 sigma^2 mean square. A short span hides no turn, so the
@@ -26,16 +26,15 @@ def speed(dataset: Dataset, most_noise: float = np.inf) -> float | None:
     interval, noise = dataset.interval, scatter(dataset)
     if interval is None or noise is None:
         return None
-    noise, apart = min(noise, most_noise), 1
-    while apart <= _MOST:
-        rates, spans = _rates(dataset, apart, 3.0 * apart * interval)
-        if len(rates) == 0:
+    noise = min(noise, most_noise)
+    for apart in growing(1, _MOST):
+        rates, spans = _rates(dataset, apart, NEAR * apart * interval)
+        if len(rates) < LEAST:
             break
         square = float(np.mean(np.minimum(rates**2, _FAR * deviation(rates) ** 2)))
         by_noise = 2.0 * noise**2 * float(np.mean(spans**-2))
         if square > _TIMES * by_noise:
             return float(np.sqrt(square))
-        apart = max(apart + 1, int(_GROWTH * apart))
     return None
 
 
