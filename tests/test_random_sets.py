@@ -36,9 +36,14 @@ def test_it_finds_its_target_and_finds_it_again_after_a_silence(made):
     assert np.sqrt(np.mean(off[at > 20.5] ** 2)) < 0.15
 
 
+def test_one_that_is_sure_of_its_path_finds_it_again_by_new_starts(made):
+    at = np.arange(22.0, 29.0, 0.1)
+    assert np.sqrt(np.mean(errors(made, at, power=1e-4) ** 2)) < 1.0
+
+
 def test_it_uses_no_range_before_it_came(made):
     late = replace(made, ranges=np.where(made.range_time > 8.0, made.ranges + 5.0, made.ranges))
-    at = np.arange(1.0, 8.0, 0.25)
+    at = np.append(np.arange(1.0, 8.0, 0.25), 7.995)
     np.testing.assert_array_equal(errors(made, at), errors(late, at))
     assert np.isnan(errors(made, np.array([made.range_time[0] - 0.1]))[0])
 

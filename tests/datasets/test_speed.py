@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from zenoh_cbef.datasets import Dataset
-from zenoh_cbef.datasets.scatter import scatter
+from zenoh_cbef.datasets.scatter import growing, scatter
 from zenoh_cbef.datasets.speed import speed
 from zenoh_cbef.datasets.spikes import without_spikes
 
@@ -62,3 +62,15 @@ def test_a_target_at_rest_and_few_ranges_say_nothing():
     assert speed(few) is None
     one = {key: getattr(few, key)[:1] for key in ("range_time", "range_anchor", "ranges")}
     assert speed(replace(few, **one)) is None
+
+
+def test_what_shows_in_a_few_long_spans_alone_is_no_speed():
+    known = {"std": 0.25, "seconds": 1.2}
+    assert speed(recording(round_and_round(1.0), **known)) is None
+    assert speed(recording(round_and_round(1.0), std=0.25)) is not None
+
+
+def test_spans_grow_by_a_quarter():
+    assert [*growing(1, 8)] == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert [*growing(4, 22)] == [4, 5, 6, 7, 8, 10, 12, 15, 18, 22]
+    assert not [*growing(9, 8)]

@@ -65,6 +65,16 @@ def test_no_target_is_calmer_than_one_that_forgets_its_velocity_in_ten_seconds()
     assert assumed("recorded:lawnmower", "filter.range_std=1.5", "filter.defaults=15").acceleration_std == 1.0
 
 
+def test_what_hardly_turns_may_still_do_so_within_ten_seconds(tmp_path):
+    """To and fro at 3 m/s along the line to its anchors, a turn in 20 s: a median sees none."""
+    rows = [
+        f"{t:.2f},{anchor},{30 + 3 * abs(t % 40 - 20):.5f}\n" for t in np.arange(0.0, 80.0, 0.1) for anchor in (3, 7)
+    ]
+    found = assumed(write(tmp_path / "straight", ranges="t,anchor_id,range\n" + "".join(rows), truth=None))
+    assert found.velocity_time == pytest.approx(10.0)
+    assert found.acceleration_std == pytest.approx(np.sqrt(2.0 * 3.0**2 / 10.0 / INTERVAL), rel=0.02)
+
+
 def test_a_slow_target_has_less_than_half_of_a_persons_acceleration(tmp_path):
     slow = swinging(tmp_path / "slow", 0.02)
     along = speed(without_spikes(read_dataset(slow)))
