@@ -61,8 +61,9 @@ def test_no_target_is_calmer_than_one_that_forgets_its_velocity_in_ten_seconds()
     assert found.velocity_time == 10.0
     found = assumed("recorded:lawnmower", "filter.range_std=1.5")
     assert found.velocity_time == pytest.approx(10.0, rel=0.01)
-    assert found.acceleration_std == 0.5
-    assert assumed("recorded:lawnmower", "filter.range_std=1.5", "filter.defaults=15").acceleration_std == 1.0
+    assert found.acceleration_std == pytest.approx(0.319, abs=1e-3)
+    by_rules = [assumed("recorded:lawnmower", "filter.range_std=1.5", f"filter.defaults={n}") for n in (23, 15)]
+    assert [one.acceleration_std for one in by_rules] == [0.5, 1.0]
 
 
 def test_what_hardly_turns_may_still_do_so_within_ten_seconds(tmp_path):
@@ -80,11 +81,12 @@ def test_a_slow_target_has_less_than_half_of_a_persons_acceleration(tmp_path):
     along = speed(without_spikes(read_dataset(slow)))
     assert along is not None
     assert along < 0.05
-    found = assumed(slow, "filter.range_std=0.01")
+    found = assumed(slow, "filter.range_std=0.01", "filter.defaults=23")
     power = max(agility(without_spikes(read_dataset(slow))) or 0.0, 0.0) ** 2 * INTERVAL
     least = max(power, 2.0 * along**2 / 10.0)
     assert found.acceleration_std == pytest.approx(max(np.sqrt(least / INTERVAL), 0.5 * np.sqrt(2.0) * along), rel=0.01)
     assert found.acceleration_std < 0.1
+    assert assumed(slow, "filter.range_std=0.01").acceleration_std == pytest.approx(np.sqrt(least / INTERVAL), rel=0.01)
     assert assumed(slow, "filter.range_std=0.01", "filter.defaults=22").acceleration_std == pytest.approx(1.0)
 
 
@@ -108,3 +110,13 @@ def test_a_log_keeps_what_ranges_told(fast):
     found = load("tracking", ["target.motion=dataset", f'target.path="{fast}"']).scenario
     again = parse(found.model_dump(by_alias=True), "a log")
     assert again.filter == found.filter
+
+
+def test_rare_ranges_make_no_target_agile(tmp_path):
+    """Away from its anchors at 0.6 m/s, a range of each in 1.4 s: a walker who turns between any two would be agile."""
+    rows = [f"{t:.2f},{anchor},{20 + 0.6 * t:.5f}\n" for t in np.arange(0.0, 84.0, 1.4) for anchor in (3, 7)]
+    rare = write(tmp_path / "rare", ranges="t,anchor_id,range\n" + "".join(rows), truth=None)
+    power = 2.0 * 0.6**2 / 10.0
+    assert assumed(rare, "filter.range_std=0.05").acceleration_std == pytest.approx(np.sqrt(power / 1.4), rel=0.01)
+    found = assumed(rare, "filter.range_std=0.05", "filter.defaults=23").acceleration_std
+    assert found == pytest.approx(0.5 * np.sqrt(2.0) * 0.6, rel=0.01)

@@ -40,15 +40,19 @@ def test_saturation_redescends_where_there_may_be_outliers(keys, power, xi):
 @pytest.mark.parametrize(
     ("keys", "widens"),
     [
-        ({}, False),
-        ({"sensor": OUTLIERS}, False),
-        ({"sensor": REAL}, True),
-        (DATASET, True),
-        ({**DATASET, "filter": {"defaults": 6}}, False),
-        ({"dt": 5.0, "filter": {"defaults": 11}}, True),
-        ({"target": {"motion": "circle"}}, False),
-        ({"target": {"motion": "circle"}, "sensor": OUTLIERS}, True),
-        ({"target": {"motion": "circle"}, "sensor": OUTLIERS, "filter": {"defaults": 6}}, False),
+        ({}, 0.0),
+        ({"sensor": OUTLIERS}, 0.0),
+        ({"sensor": REAL}, 0.5),
+        ({"sensor": REAL, "filter": {"defaults": 23}}, 1.0),
+        (DATASET, 0.5),
+        ({**DATASET, "filter": {"defaults": 23}}, 1.0),
+        ({**DATASET, "filter": {"motion": "imm"}}, 1.0),
+        ({**DATASET, "filter": {"saturation": "bounded"}}, 0.0),
+        ({**DATASET, "filter": {"defaults": 6}}, 0.0),
+        ({"dt": 5.0, "filter": {"defaults": 11}}, 1.0),
+        ({"target": {"motion": "circle"}}, 0.0),
+        ({"target": {"motion": "circle"}, "sensor": OUTLIERS}, 1.0),
+        ({"target": {"motion": "circle"}, "sensor": OUTLIERS, "filter": {"defaults": 6}}, 0.0),
     ],
 )
 def test_ranges_far_off_widen_their_innovation_where_priors_may_be_wide(keys, widens):

@@ -33,17 +33,23 @@ def errors(traces):
 
 def test_a_range_that_fits_counts_alike():
     weight, variance, spread = np.array([1.0, 1.0, 0.0]), np.full(3, 0.01), np.array([0.2, 5.0, 1.0])
-    both = [saturated_precision(weight, variance, spread, widens=widens) for widens in (False, True)]
-    assert both[0].tolist() == both[1].tolist() == [100.0, 100.0, 0.0]
+    for widens in (0.0, 0.5, 1.0):
+        assert saturated_precision(weight, variance, spread, widens=widens).tolist() == [100.0, 100.0, 0.0]
+
+
+def test_halfway_is_the_geometric_mean_of_what_is_added_to_the_noise():
+    weight, variance, spread = np.array([0.04]), np.array([0.01]), np.array([3.0])
+    noise, half, whole = (1.0 / saturated_precision(weight, variance, spread, widens=one) for one in (0.0, 0.5, 1.0))
+    assert half - variance == pytest.approx(np.sqrt((noise - variance) * (whole - variance)))
 
 
 def test_the_innovation_has_the_variance_of_its_weight():
     weight, variance, prior = np.array([0.04]), np.array([0.01]), 3.0
-    precision = saturated_precision(weight, variance, np.sqrt(prior + variance), widens=True)
+    precision = saturated_precision(weight, variance, np.sqrt(prior + variance), widens=1.0)
     assert prior + 1.0 / precision == pytest.approx((prior + variance) / weight)
 
 
-@pytest.mark.parametrize(("widens", "least", "most"), [(False, 5.0, 20.0), (True, 0.0, 0.5)])
+@pytest.mark.parametrize(("widens", "least", "most"), [(0.0, 5.0, 20.0), (0.5, 1.0, 5.0), (1.0, 0.0, 0.5)])
 def test_how_far_an_outlier_pulls_from_a_wide_prior(widens, least, most):
     settings = replace(Plan(load("tracking", []).scenario).settings, network_size=1, power=2, xi=2.0, widens=widens)
     filter_ = make_filter("sicf", replace(settings, first_fix=0, says_status=False, reacquires=0, supposes=False))

@@ -14,7 +14,7 @@ _POWER = 0.1
 """The least power of its acceleration, m^2/s^3: of a person who changes velocity by 1 m/s once in ten seconds."""
 
 _LEAST, _WALK = 0.5 * RECORDED_ACCELERATION, 1.0
-"""The least acceleration, m/s^2, of a target that is as fast as a person who walks, m/s."""
+"""The least acceleration, m/s^2, of a target that is as fast as a person who walks, m/s, by rules up to the 23rd."""
 
 _SOONEST = 1e-3
 """Within what time a velocity is forgotten at the soonest, s."""
@@ -28,9 +28,9 @@ def recorded_motion(scenario: Scenario, plain: Dataset) -> dict[str, float]:
 
     A velocity of standard deviation s that is forgotten within T is pushed with the power 2 s^2/T of accelerations. How
     fast ranges change tells s, how they turn tells the power, and so both tell T. No target counts for calmer than one
-    that forgets its velocity within `velocity_time`; where ranges are rare, between two of them, nor than half of a
-    person who walks as slowly. A power without T, as by the rules before the 23rd, would let a person who turns on the
-    spot run away in a silence.
+    that forgets its velocity within `velocity_time`; by the 23rd rules, nor than half of a person who walks as slowly
+    and turns between any two ranges, however rare these are. A power without T, as by the rules before them, would let
+    a person who turns on the spot run away in a silence.
     """
     chosen, interval = scenario.filter, plain.interval
     told = agility(plain)
@@ -39,8 +39,8 @@ def recorded_motion(scenario: Scenario, plain: Dataset) -> dict[str, float]:
     if not fast or interval is None:
         return {"acceleration_std": _acceleration(told, interval, defaults=chosen.defaults)}
     power = max((told or 0.0) ** 2 * interval, 2.0 * fast**2 / chosen.velocity_time)
-    slower = min(1.0, float(np.sqrt(2.0)) * fast / _WALK)
-    found = {"acceleration_std": max(float(np.sqrt(power / interval)), slower * _LEAST)}
+    least = min(1.0, float(np.sqrt(2.0)) * fast / _WALK) * _LEAST if chosen.defaults < 24 else 0.0
+    found = {"acceleration_std": max(float(np.sqrt(power / interval)), least)}
     if "velocity_time" not in chosen.model_fields_set:
         found["velocity_time"] = max(2.0 * fast**2 / power, _SOONEST)
     return found

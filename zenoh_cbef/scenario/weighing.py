@@ -52,13 +52,17 @@ def weighed_errors(scenario: Scenario, range_std: float, *, several: bool) -> Er
     return Untold.of(range_std, _XI[1], bursts=chosen.defaults > 18) if several and chosen.defaults > 17 else None
 
 
-def widens(scenario: Scenario, *, power: int, wide: bool) -> bool:
-    """Whether a range far off widens its whole innovation, not its noise alone: where the saturation redescends.
+def widens(scenario: Scenario, *, power: int, wide: bool) -> float:
+    """How far a range far off widens its whole innovation, not its noise alone: where the saturation redescends.
 
     And where priors may be wide against the noise: of several motions one is agile, squares are for wide priors (wide),
     and of real targets little is known. Elsewhere it is the same but for a thousandth of the error, which it costs.
+    Of a real target that one motion follows a range far off may as well tell a turn as be wrong: halfway, by the rules
+    from the 24th on.
     """
-    return scenario.filter.defaults > 6 and power > 1 and (wide or trust.real(scenario))
+    if scenario.filter.defaults < 7 or power == 1 or not (wide or trust.real(scenario)):
+        return 0.0
+    return 1.0 if wide or scenario.filter.defaults < 24 else 0.5
 
 
 def saturation_level(scenario: Scenario, power: int) -> float:

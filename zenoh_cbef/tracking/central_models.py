@@ -29,7 +29,7 @@ class CentralModels:
     space: Space
     xi: float
     power: int = 1
-    widens: bool = False
+    widens: float = 0.0
     outliers: Errors | None = None
 
     def step(self, belief: Belief, seen: Ranges) -> tuple[Belief, Taken]:

@@ -188,7 +188,8 @@ class _Joint:
         # The covariance form: the inverse of a covariance that holds a known bias does not exist.
         noise = np.where(measured, step.std**2 / weight, 1.0)
         if self.settings.widens:
-            noise = np.where(measured, 1.0 / saturated_precision(weight, step.std**2, spread, widens=True), 1.0)
+            precision = saturated_precision(weight, step.std**2, spread, widens=self.settings.widens)
+            noise = np.where(measured, 1.0 / precision, 1.0)
         rows = np.where(measured[:, :, None], rows, 0.0)
         cross = covariance @ np.swapaxes(rows, 1, 2)
         total = rows @ cross + noise[:, :, None] * np.eye(agents)

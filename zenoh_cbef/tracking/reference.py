@@ -67,7 +67,7 @@ def taken_in(
     *,
     xi: float,
     power: int = 1,
-    widens: bool = False,
+    widens: float = 0.0,
     outliers: Errors | None = None,
     biases: int | None = None,
 ) -> Taken:
@@ -136,7 +136,7 @@ def centralized_beliefs(
     *,
     xi: float,
     power: int = 1,
-    widens: bool = False,
+    widens: float = 0.0,
     outliers: Errors | None = None,
 ) -> Iterator[Belief]:
     """The centralised filter's beliefs of K steps, for r runs. initial: (r, s), (r, s, s)."""

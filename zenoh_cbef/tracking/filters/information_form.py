@@ -71,7 +71,7 @@ def own_information(
     range_std: float,
     xi: float,
     power: int = 1,
-    widens: bool = False,
+    widens: float = 0.0,
     outliers: Errors | None = None,
 ) -> RangeInformation:
     """Information of the agent's own range, linearised at the prior and saturated.

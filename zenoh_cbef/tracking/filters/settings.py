@@ -82,8 +82,8 @@ class FilterSettings:
     # Errors of ranges.
     power: int = 1
     """Of the saturation."""
-    widens: bool = False
-    """Whether a saturated range widens its whole innovation, not its noise alone."""
+    widens: float = 0.0
+    """How far a saturated range widens its whole innovation, not its noise alone: from 0 to 1."""
     least: float = -np.inf
     """A range below it, m, is none where ranges are squared, as its square is another one's."""
     outliers: tuple[float, float] | None = None

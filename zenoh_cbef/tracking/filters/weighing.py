@@ -38,7 +38,7 @@ def weigh(
     *,
     xi: float,
     power: int,
-    widens: bool,
+    widens: float,
     outliers: Errors | None,
 ) -> Weighed:
     """What ranges count for, (n,), whose innovations (m) were predicted to have a standard deviation `spread` (m).
@@ -56,21 +56,22 @@ def weigh(
     return Weighed(found.weight(variance), precision, once * found.pull - precision * innovation, found.cost)
 
 
-def saturated_precision(weight: Floats, variance: Floats, spread: Floats, *, widens: bool) -> Floats:
+def saturated_precision(weight: Floats, variance: Floats, spread: Floats, *, widens: float) -> Floats:
     """What a saturated range of this noise tells, 1/m^2, (...); weight: 0 where there is none.
 
-        w/sigma^2, or if it widens  1/(sigma^2 + S (1/w - 1)),  S = H P H^T + sigma^2
+        1/(sigma^2 + S^a sigma^(2 - 2a) (1/w - 1)),  S = H P H^T + sigma^2,  a = widens
 
-    The first bounds what a range pulls at a prior that is as sure as the range. Where the prior is wide, H P H^T far
-    above sigma^2, even w/sigma^2 outweighs it, and the estimate follows an outlier nearly all the way. The second
-    takes the whole innovation to have the variance S/w, so a range pulls w times as far as it would, with
-    any prior. spread: the root of S, m.
+    With a = 0, w/sigma^2, a range's pull is bounded at a prior that is as sure as the range. Where the prior is wide,
+    H P H^T far above sigma^2, even w/sigma^2 outweighs it, and the estimate follows an outlier nearly all the way. With
+    a = 1 the whole innovation has the variance S/w, so a range pulls w times as far as it would, with any prior; then
+    the estimate does not follow a target that turned, either. spread: the root of S, m.
     """
     if not widens:
         return weight / variance
     there, above = weight > 0.0, weight.copy()
     above[~there] = 1.0
-    return there / (variance + spread**2 * (1.0 / above - 1.0))
+    unit = spread**2 if widens == 1.0 else spread ** (2.0 * widens) * variance ** (1.0 - widens)
+    return there / (variance + unit * (1.0 / above - 1.0))
 
 
 def saturation(innovation: Floats, level: Floats, power: int = 1) -> Floats:

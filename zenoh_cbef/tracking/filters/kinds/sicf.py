@@ -35,7 +35,7 @@ class SaturatedInformation:
         z_i = r_i - h(x_i),                  w_i = min(1, xi s_i/|z_i|)^power
         V_i = P_i^-1 x_i / n + w_i H^T (z_i + H x_i)/sigma^2
         O_i = P_i^-1 / n     + w_i H^T H / sigma^2
-        (S_i (1/w_i - 1) + sigma^2 in place of sigma^2/w_i, if it widens: see `saturated_precision`)
+        (more in place of sigma^2/w_i, as far as it widens: see `saturated_precision`)
         after averaging V and O:  xhat_i = O_i^-1 V_i,  P_i = (n O_i)^-1
 
     An agent linearises its own range, so no measurement is counted twice and none has to be exchanged. With few
@@ -43,7 +43,7 @@ class SaturatedInformation:
 
     range_std: sigma (m). network_size: n. xi: saturation level in standard
     deviations, infinite for the plain ICF. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending).
-    widens: whether a range far off widens its whole innovation, not its noise alone. outliers: of which the scenario
+    widens: how far a range far off widens its whole innovation, not its noise alone. outliers: of which the scenario
     tells; their distribution then decides in place of the saturation. inversion: of P_i and O_i.
     """
 
@@ -53,7 +53,7 @@ class SaturatedInformation:
     network_size: int
     xi: float = np.inf
     power: int = 1
-    widens: bool = False
+    widens: float = 0.0
     outliers: Errors | None = None
     inversion: Inversion = BY_LIBRARY
 

@@ -71,7 +71,7 @@ class BiasedInformation:
     own_std: float
     xi: float = np.inf
     power: int = 1
-    widens: bool = False
+    widens: float = 0.0
     forgetting: float = FORGETTING
 
     @classmethod
@@ -118,7 +118,7 @@ class BiasedInformation:
         informs = informing(measurement, variance)
         noise = given + informs / weight
         if self.widens:
-            noise = given + 1.0 / saturated_precision(weight, informs, spread, widens=True)
+            noise = given + 1.0 / saturated_precision(weight, informs, spread, widens=self.widens)
         precision = np.where(measured, 1.0 / noise, 0.0)
         equivalent = innovation + np.sum(row * state, axis=1)
         share = information / self.network_size

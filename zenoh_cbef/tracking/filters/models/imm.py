@@ -39,9 +39,9 @@ class InteractingModels:
 
     filters: one for each motion, alike but for it; their payloads are V and O, their updates keep prior state and
     covariance. range_std: sigma (m). network_size: n. middle: a point (m) near all agents and the same for all, from
-    which x is counted in c: far off, c would lose its digits. widens: the filters do (see `saturated_precision`), and
-    w_i is what makes w_i/sigma^2 that precision. outliers: the filters weigh ranges by these, and c_i has what they say
-    of the range in place of its terms.
+    which x is counted in c: far off, c would lose its digits. widens: how far the filters do (`saturated_precision`),
+    and w_i is what makes w_i/sigma^2 that precision. outliers: the filters weigh ranges by these, and c_i has what they
+    say of the range in place of its terms.
     """
 
     filters: tuple[Filter, ...]
@@ -50,7 +50,7 @@ class InteractingModels:
     network_size: int
     middle: tuple[float, ...]
     space: Space
-    widens: bool = False
+    widens: float = 0.0
     outliers: Errors | None = None
 
     @classmethod
@@ -129,7 +129,7 @@ class InteractingModels:
         weight, square = told.weight, told.innovation**2
         if self.widens:
             spread = np.sqrt(square / np.where(told.nis > 0.0, told.nis, 1.0))
-            weight = variance * saturated_precision(weight, variance, spread, widens=True)
+            weight = variance * saturated_precision(weight, variance, spread, widens=self.widens)
         return weight * square / variance - np.log(weight)
 
     def _explained(self, payload: Floats, state: Floats) -> Floats:

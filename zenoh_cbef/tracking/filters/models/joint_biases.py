@@ -74,7 +74,7 @@ class JointBiases:
     own_std: float
     xi: float = np.inf
     power: int = 1
-    widens: bool = False
+    widens: float = 0.0
     outliers: Errors | None = None
     common_std: float = 0.0
     scale_std: float = 0.0

@@ -63,7 +63,7 @@ class SquaredInformation:
     middle: tuple[float, ...]
     xi: float = np.inf
     power: int = 1
-    widens: bool = False
+    widens: float = 0.0
     least: float = -np.inf
     ties: bool = False
 
