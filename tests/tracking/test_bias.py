@@ -111,6 +111,47 @@ def test_a_small_gain_counts_where_errors_do_not_last():
         np.testing.assert_allclose(other[:, 0] - other[:, 1], 0.1)
 
 
+def presumed(*ranges):
+    """The weight after ranges, of each both NIS, the ratio S_0/S_1 and the correlation of its error with others."""
+    evidence = Evidence(ratios=True, lasting=True, presumes=True)
+    sums = evidence.begun(1)
+    for first, second, spreads, alike in ranges:
+        plain, biased = (
+            (np.array([np.sqrt(nis * s)]), np.array([nis])) for nis, s in ((first, spreads), (second, 1.0))
+        )
+        said = evidence.of(plain, biased, np.array([alike]))
+        followed = np.clip(-np.log(1.0 - alike**2), 0.02, 1.0)
+        expected = np.array([first, second, followed, 1.0, np.log(spreads)]) / followed
+        np.testing.assert_allclose(said[0], expected, atol=1e-12)
+        sums = sums + 3000.0 * said
+    return evidence.weight(sums)[0]
+
+
+def test_a_bias_is_presumed_where_errors_do_not_last():
+    assert presumed((0.9, 0.9, 1.0, 0.0)) == 1.0
+    assert presumed((0.9, 0.88, 0.99, 0.0)) == 1.0
+    assert presumed((0.9, 0.93, 0.99, 0.0)) == 0.0  # It makes ranges less likely.
+    assert presumed((0.9, 0.9, 1.0, 0.8)) == 0.0
+    assert Evidence(ratios=True, lasting=True).numbers == replace(SQUARES, presumes=True).numbers == 3
+
+
+def test_a_bias_that_gains_more_than_following_errors_can_is_believed_whatever_noise_was_told():
+    """Errors of a correlation c follow by -ln(1 - c^2) at most: of 0.9 by 1.66, of 0.6 by 0.45."""
+    for scale in (1.0, 0.25, 0.02):
+        for alike, times, wanted in ((0.9, 2.0, 0.0), (0.9, 4.2, 1.0), (0.6, 1.3, 0.0), (0.6, 2.0, 1.0)):
+            fits = 0.1 * scale
+            found = presumed((times * fits, fits, 1.0, alike))
+            assert found == wanted, (scale, alike, times)
+    # What the filter with biases claims more is no gain.
+    assert presumed((0.02, 0.01, np.exp(-0.3), 0.6)) < 0.2
+
+
+@pytest.mark.parametrize(("rules", "presumes"), [(23, False), (24, True)])
+def test_biases_of_recorded_ranges_are_presumed_by_the_rules_of_today(rules, presumes):
+    assert Filtering(load("lawnmower", [f"filter.defaults={rules}"]).scenario).settings.presumes_biases is presumes
+    assert not Filtering(load("tracking", ["sensor.real=true"]).scenario).settings.presumes_biases
+
+
 def test_what_a_share_of_all_ranges_gains_counts_the_more_the_less_errors_last():
     one = np.ones(2)
     gains, alike = (0.1 * one, 1.0 * one), np.array([0.0, 0.95])

@@ -218,6 +218,7 @@ class Filtering(Meant):
             likelihoods=trust.rules(scenario) > 1,
             weighs_lasting=chosen.defaults > 14,
             weighs_shares=chosen.defaults > 15,
+            presumes_biases=trust.lasts(scenario) and chosen.defaults > 23,
             common_bias_std=trust.common_bias_std(scenario, self.range_std, joint=joint),
             own_bias_std=trust.own_bias_std(scenario, self.range_std),
             scale_std=trust.scale_std(scenario) if joint else 0.0,

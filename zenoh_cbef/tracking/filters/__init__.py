@@ -106,8 +106,8 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
     if settings.bias != "none" and not settings.tells_ranges:
         biased = (JointBiases if settings.joint_biases else BiasedInformation).sharing(replace(settings, scale_std=0.0))
         if settings.scale_std:
-            biased = AutoBias.sharing(biased, JointBiases.sharing(settings))
-        shared = biased if settings.bias == "estimate" else AutoBias.sharing(shared, biased)
+            biased = AutoBias.sharing(biased, JointBiases.sharing(settings), _of_shares(settings))
+        shared = biased if settings.bias == "estimate" else AutoBias.sharing(shared, biased, _of_biases(settings))
     if settings.plane:
         shared = replace(shared.longer(shared.payload_size + MirrorImages.more), blocks=shared.blocks * 2)
     more = (settings.recovers > 0.0) * Recovering.more + settings.distrusts * Distrusting.more
@@ -184,11 +184,21 @@ def _innermost(kind: str, settings: FilterSettings, xi: float) -> Filter:
 def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
     """The filter that estimates biases, or weighs them beside the plain one."""
     of_one = (JointBiases if settings.joint_biases else BiasedInformation).of
-    evidence = Evidence(settings.likelihoods, settings.recorded, lasting=settings.weighs_lasting)
     biased: BiasedInformation | JointBiases | AutoBias = of_one(replace(settings, scale_std=0.0), xi)
     if settings.scale_std:
-        biased = AutoBias(biased, JointBiases.of(settings, xi), replace(SQUARES, lasting=settings.weighs_shares))
-    return biased if settings.bias == "estimate" else AutoBias(plain, biased, evidence)
+        biased = AutoBias(biased, JointBiases.of(settings, xi), _of_shares(settings))
+    return biased if settings.bias == "estimate" else AutoBias(plain, biased, _of_biases(settings))
+
+
+def _of_biases(settings: FilterSettings) -> Evidence:
+    """What decides whether to rely on biases."""
+    lasting, presumes = settings.weighs_lasting, settings.presumes_biases
+    return Evidence(settings.likelihoods, settings.recorded, lasting=lasting, presumes=presumes)
+
+
+def _of_shares(settings: FilterSettings) -> Evidence:
+    """What decides whether to rely on a share of all ranges."""
+    return replace(SQUARES, lasting=settings.weighs_shares, presumes=settings.presumes_biases)
 
 
 def _begun(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:

@@ -130,6 +130,8 @@ class FilterSettings:
     """Whether `auto` asks for more, the less alike successive errors are."""
     weighs_shares: bool = False
     """Whether it weighs a share by which all ranges are too long so, too."""
+    presumes_biases: bool = False
+    """Whether it presumes a bias where errors do not last, and believes what these cannot gain (see `Evidence`)."""
 
     # The first fix, by least squares on the first ranges.
     first_fix: int = 0

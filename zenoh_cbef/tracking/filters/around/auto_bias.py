@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
@@ -27,7 +26,7 @@ class AutoBias:
     relies on the biased filter as far as that predicted the network's last couple of thousand ranges better, see
     `Evidence`.
 
-    The sums of the evidence run over the network: they are three numbers more in the payload. Each filter runs
+    The sums of the evidence run over the network: they are three or five numbers more in the payload. Each filter runs
     as if alone; only the two results are combined, as a mixture of two Gaussians, so the estimate does not jump.
 
     The filter with biases may be such a pair itself: of one without and one with a share by which all ranges are too
@@ -38,18 +37,15 @@ class AutoBias:
     biased: BiasedInformation | JointBiases | AutoBias
     evidence: Evidence = field(default_factory=Evidence)
 
-    more: ClassVar[int] = 3
-    """The evidence, after both filters' payloads."""
-
     @property
     def network_size(self) -> int:
         """How many agents there are."""
         return self.biased.network_size
 
     @classmethod
-    def sharing(cls, plain: Sharing, biased: Sharing) -> Sharing:
-        """What agents exchange that do both."""
-        return replace(plain.longer(biased.payload_size + cls.more), blocks=plain.blocks + biased.blocks)
+    def sharing(cls, plain: Sharing, biased: Sharing, evidence: Evidence) -> Sharing:
+        """What agents exchange that do both: the evidence after both filters' payloads."""
+        return replace(plain.longer(biased.payload_size + evidence.numbers), blocks=plain.blocks + biased.blocks)
 
     def update(self, belief: Belief, measurement: Measurement) -> Update:
         """Both filters' updates; the innovation that is reported is that of the filter with more weight."""
@@ -68,12 +64,12 @@ class AutoBias:
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The mixture of both beliefs."""
-        split = update.parts[0].payload.shape[1]
+        split, sums_at = update.parts[0].payload.shape[1], payload.shape[1] - self.evidence.numbers
         plain = self.plain.conclude(np.ascontiguousarray(payload[:, :split]), update.parts[0])
-        biased = self.biased.conclude(np.ascontiguousarray(payload[:, split:-3]), update.parts[1])
+        biased = self.biased.conclude(np.ascontiguousarray(payload[:, split:sums_at]), update.parts[1])
         # Averages times n are the network's sums. Accelerated averaging may leave a count a little below zero.
-        new = self.network_size * np.maximum(payload[:, -3:], self.evidence.least)
-        sums = np.exp(-new[:, 2:] / MEMORY) * update.kept[0] + new
+        new = self.network_size * np.maximum(payload[:, sums_at:], self.evidence.least)
+        sums = np.exp(-new[:, 2:3] / MEMORY) * update.kept[0] + new
         weight = self.evidence.weight(sums)
         return Belief(
             *mixed(plain, biased, weight),
