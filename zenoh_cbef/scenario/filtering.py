@@ -91,9 +91,8 @@ class Filtering(Meant):
     @alike
     def tells_ranges(self) -> bool:
         """Whether agents tell each other their ranges, of which each takes in all."""
-        assumed = self.scenario, self.range_std, self.space.axes
-        motions = assumed_models(*assumed) if self._switches else (assumed_motion(*assumed, leaps=self._may_leap),)
-        leaps = self._may_leap
+        assumed, leaps = (self.scenario, self.range_std, self.space.axes), self._may_leap
+        motions = assumed_models(*assumed) if self._switches else (assumed_motion(*assumed, leaps=leaps),)
         return telling.tells_ranges(self.scenario, motions, self.range_std, self.settling_steps, leaps=leaps)
 
     @property
@@ -224,6 +223,7 @@ class Filtering(Meant):
             scale_std=trust.scale_std(scenario) if joint else 0.0,
             told_biases=biased and trust.tells_biases(scenario),
             lasting=single and trust.lasts(scenario),
+            curves=single and trust.curves(scenario),
             doubts_noise=doubts,
             counts_ranges=chosen.defaults > 12,
             learns_noise=chosen.range_std == "auto" and not doubts,

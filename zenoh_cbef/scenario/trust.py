@@ -225,6 +225,13 @@ def notices(scenario: Scenario) -> int:
     return asked * max(1, round(interval / scenario.dt))
 
 
+def curves(scenario: Scenario) -> bool:
+    """Whether agents count what linearising a range leaves out: where it is real, and one motion has to explain it."""
+    chosen = scenario.filter
+    able = abilities_of(chosen.kind).information and chosen.measurement == "range"
+    return able and real(scenario) and chosen.defaults > 23
+
+
 def suspects(scenario: Scenario) -> bool:
     """Whether neighbours may send wrong values."""
     stage = scenario.consensus

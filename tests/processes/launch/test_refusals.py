@@ -112,7 +112,9 @@ def test_an_agent_does_not_wait_for_ever_for_a_target_that_died_before_the_start
 def test_two_targets_of_one_name(world, target):
     another = ["target", "paper", "--run", world.run, "--listen", unused_endpoint()]
     assert f"a run {world.run!r} goes on on this host already, at {target}" in refusal(world, *another)
-    assert f"target is already in run {world.run!r}" in refusal(world, *another, "--connect", target)
+    # The run is known on this host a moment before its target answers others.
+    said = f"target is already in run {world.run!r}"
+    until(lambda: said in refusal(world, *another, "--connect", target), "the target did not answer")
     assert f"a run {world.run!r} goes on on this host already" in refusal(world, "run", "paper", "--run", world.run)
 
 

@@ -13,6 +13,7 @@ from zenoh_cbef.plugins import Registry
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
 from zenoh_cbef.tracking.filters.around.bursts import Bursts
+from zenoh_cbef.tracking.filters.around.curving import Curving
 from zenoh_cbef.tracking.filters.around.cut_off import CutOff
 from zenoh_cbef.tracking.filters.around.distrusting import Distrusting
 from zenoh_cbef.tracking.filters.around.doubted_noise import DoubtedNoise
@@ -150,9 +151,7 @@ def make_filter(kind: str, settings: FilterSettings) -> Filter:
         chosen = Distrusting(chosen, settings.range_std, repeats=repeats, silence=settings.silence)
     if Bursts.wanted(settings):
         chosen = Bursts(chosen, settings.space, settings.range_std)
-    plain = not (settings.squares or settings.tells_ranges)
-    if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and plain:
-        chosen = Returning(chosen, settings.space, settings.range_std, newcomers=settings.cut_off > 0)
+    chosen = _bent(kind, settings, chosen)
     chosen = _begun(kind, settings, chosen, xi)
     if settings.doubts_noise:
         chosen = DoubtedNoise.of(settings, chosen)
@@ -199,6 +198,16 @@ def _of_biases(settings: FilterSettings) -> Evidence:
 def _of_shares(settings: FilterSettings) -> Evidence:
     """What decides whether to rely on a share of all ranges."""
     return replace(SQUARES, lasting=settings.weighs_shares, presumes=settings.presumes_biases)
+
+
+def _bent(kind: str, settings: FilterSettings, chosen: Filter) -> Filter:
+    """A filter for which ranges bend, of all agents or of one that was alone."""
+    if settings.curves:
+        chosen = Curving(chosen, settings.motion, settings.space, settings.range_std)
+    plain = not (settings.squares or settings.tells_ranges)
+    if settings.returns and settings.network_size > 1 and abilities_of(kind).biases and plain:
+        chosen = Returning(chosen, settings.space, settings.range_std, newcomers=settings.cut_off > 0)
+    return chosen
 
 
 def _begun(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:

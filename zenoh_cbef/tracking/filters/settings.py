@@ -42,6 +42,8 @@ class FilterSettings:
     """How `sicf` and a first fix invert matrices."""
     returns: bool = False
     """Whether an agent's range counts less after a step in which it heard no neighbour."""
+    curves: bool = False
+    """Whether what linearising a range leaves out counts with its noise (see `Curving`)."""
     cut_off: int = 0
     """The rounds of a step, where agents may be cut off from others and tell who is there; 0: they do not."""
     tells_ranges: bool = False
