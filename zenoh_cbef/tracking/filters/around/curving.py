@@ -24,8 +24,7 @@ class Curving(Wrapping):
 
     P is what the estimate leaves open of the place before the range, d the distance, and G its second derivative
     (Bar-Shalom, Li and Kirubarajan, 2001, section 10.3). Where precise ranges are rare and the target turns fast, a
-    filter that leaves this out takes good ranges for wrong ones. The mean of what is left out, tr(G P)/2, is not taken
-    off: that was better on some recordings and worse on as many.
+    filter that leaves this out takes good ranges for wrong ones.
 
     range_std: sigma (m), where a measurement does not say otherwise.
     """
