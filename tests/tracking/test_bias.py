@@ -135,6 +135,13 @@ def test_a_bias_is_presumed_where_errors_do_not_last():
     assert Evidence(ratios=True, lasting=True).numbers == replace(SQUARES, presumes=True).numbers == 3
 
 
+def test_nothing_is_presumed_before_the_first_range():
+    evidence = Evidence(ratios=True, lasting=True, presumes=True)
+    assert evidence.weight(evidence.begun(2)).tolist() == [0.0, 0.0]
+    # The filter with biases may claim more in a step: that mean is below zero, and no count.
+    assert evidence.least.tolist() == [0.0, 0.0, 0.0, 0.0, -np.inf]
+
+
 def test_a_bias_that_gains_more_than_following_errors_can_is_believed_whatever_noise_was_told():
     """Errors of a correlation c follow by -ln(1 - c^2) at most: of 0.9 by 1.66, of 0.6 by 0.45."""
     for scale in (1.0, 0.25, 0.02):

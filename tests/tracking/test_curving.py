@@ -58,6 +58,14 @@ def test_the_noise_is_that_of_a_range_over_the_line_that_stands_for_it(distance,
     assert spying.told[0] ** 2 == pytest.approx(STD**2 + np.var(left), rel=0.05)
 
 
+def test_what_is_left_open_is_of_the_moment_of_the_range():
+    """A velocity that is not known leaves the place open a step later, however well it is known now."""
+    spying, step = Spying(make_filter("sicf", SETTINGS)), 0.5
+    belief = Belief(np.zeros((1, 6)), np.diag([1e-12] * 3 + [2.0**2] * 3)[None])
+    Curving(spying, NearlyConstantVelocity(step, 0.0, 3), SETTINGS.space, STD).update(belief, heard(5.0))
+    assert spying.told[0] ** 2 == pytest.approx(STD**2 + 0.5 * 2 * ((2.0 * step) ** 2 / 5.0) ** 2)
+
+
 def test_a_sure_estimate_has_the_range_as_it_was():
     around = make_filter("sicf", replace(SETTINGS, curves=True))
     plain = make_filter("sicf", SETTINGS)

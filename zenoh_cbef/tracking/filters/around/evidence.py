@@ -94,9 +94,14 @@ class Evidence:
     presumes: bool = False
 
     @property
+    def _free(self) -> bool:
+        """Whether squares and spreads are summed up apart, which tells what is gained with any noise."""
+        return self.presumes and not self.squares
+
+    @property
     def numbers(self) -> int:
         """How many sums there are."""
-        return 5 if self.presumes and not self.squares else 3
+        return 5 if self._free else 3
 
     @property
     def least(self) -> Floats:
@@ -129,7 +134,7 @@ class Evidence:
             ]
             gained = np.where(usable, np.log(variances[0]) - np.log(variances[1]), 0.0)
         there = np.isfinite(plain[1]).astype(np.float64)
-        if self.numbers > 3:
+        if self._free:
             counts = there if alike is None else there / self._followed(alike)
             squares = [counts * np.minimum(each, LARGEST) for each in (first, second)]
             return np.stack([*squares, there, counts, counts * gained], axis=-1)
@@ -153,7 +158,7 @@ class Evidence:
     def weight(self, sums: Floats) -> Floats:
         """Weight of the biased filter, (...)."""
         plain, biased = sums[..., 0] / sums[..., 2], sums[..., 1] / sums[..., 2]
-        if self.numbers > 3:
+        if self._free:
             counts, spreads = sums[..., 3] / sums[..., 2], sums[..., 4] / sums[..., 2]
             gained = step(plain - biased + spreads + _PRESUMED * counts, *_GAIN)
             return np.maximum(gained, step(counts * np.log(plain / biased) + spreads, *_BEYOND))
