@@ -13,9 +13,11 @@ from zenoh_cbef.errors import UserError
 from zenoh_cbef.scenario.filtering import Filtering
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.simulator import simulate
-from zenoh_cbef.tracking.filters.around.auto_bias import mixed
+from zenoh_cbef.tracking.filters import make_filter
+from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias, mixed
 from zenoh_cbef.tracking.filters.around.evidence import SQUARES, Evidence
 from zenoh_cbef.tracking.filters.around.learned_noise import LearnedNoise, learned
+from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief
 from zenoh_cbef.tracking.filters.finding.first_fix import FirstFix
 from zenoh_cbef.tracking.filters.information_form import packed_size
@@ -131,6 +133,7 @@ def test_a_bias_is_presumed_where_errors_do_not_last():
     assert presumed((0.9, 0.9, 1.0, 0.0)) == 1.0
     assert presumed((0.9, 0.88, 0.99, 0.0)) == 1.0
     assert presumed((0.9, 0.93, 0.99, 0.0)) == 0.0  # It makes ranges less likely.
+    assert presumed((0.9, 0.9, 0.9, 0.0)) == 0.0  # It explains them no better, and claims more.
     assert presumed((0.9, 0.9, 1.0, 0.8)) == 0.0
     assert Evidence(ratios=True, lasting=True).numbers == replace(SQUARES, presumes=True).numbers == 3
 
@@ -155,7 +158,14 @@ def test_a_bias_that_gains_more_than_following_errors_can_is_believed_whatever_n
 
 @pytest.mark.parametrize(("rules", "presumes"), [(23, False), (24, True)])
 def test_biases_of_recorded_ranges_are_presumed_by_the_rules_of_today(rules, presumes):
-    assert Filtering(load("lawnmower", [f"filter.defaults={rules}"]).scenario).settings.presumes_biases is presumes
+    settings = Filtering(load("lawnmower", [f"filter.defaults={rules}"]).scenario).settings
+    assert settings.presumes_biases is presumes
+    inner = make_filter("sicf", settings)
+    while isinstance(inner, Wrapping):
+        inner = inner.filter
+    assert isinstance(inner, AutoBias)
+    assert isinstance(inner.biased, AutoBias)
+    assert inner.evidence.presumes is inner.biased.evidence.presumes is presumes
     assert not Filtering(load("tracking", ["sensor.real=true"]).scenario).settings.presumes_biases
 
 
