@@ -19,6 +19,7 @@ from zenoh_cbef.tracking.motion import NearlyConstantVelocity
 from zenoh_cbef.tracking.ranging import Measurement, Space, no_neighbours
 
 STD, DT, COUNT = 0.3, 0.5, 5
+PLANE = "agents.low=[-10,-10,0]", "agents.high=[10,10,0]"
 LINE = (
     "agents.count=4",
     "agents.positions=[[-10,0,0],[-4,0,0],[3,0,0],[10,0,0]]",
@@ -173,6 +174,15 @@ def test_a_target_that_crosses_a_line_of_agents_is_not_taken_for_its_mirror_imag
     assert lost > 5.0
 
 
+@pytest.mark.parametrize(("rules", "between"), [(24, True), (25, False)])
+def test_an_estimate_does_not_stay_in_the_plane_of_six_agents(rules, between):
+    """In the middle between the target, which begins in that plane, and its mirror image; no range tells these apart."""
+    for trace in traces_of(*PLANE, "steps=200", f"filter.defaults={rules}", seeds=[1030, 1042, 1046]):
+        true, found = abs(trace.truth[-1, 2]), np.abs(trace.estimates[:, -1, 2])
+        assert true > 1.9
+        np.testing.assert_allclose(found, 0.0 if between else true, atol=0.5)
+
+
 @pytest.mark.slow
 def test_long_steps_are_tracked_as_well_as_by_a_centralised_filter():
     """Linearised before averaging one of these seeds is lost. The network is honest about its errors, too."""
@@ -198,8 +208,8 @@ def test_long_steps_are_tracked_as_well_as_by_a_centralised_filter():
         ("dt=0.5", "target.acceleration_std=10", "filter.defaults=11"),
         ("dt=5", "filter.defaults=11"),
         ("agents.count=3",),
-        ("agents.low=[-10,-10,1]", "agents.high=[10,10,1]"),
-        ("agents.positions=[[0,0,1],[5,0,1],[0,5,1],[5,5,1],[2,3,1],[3,2,1]]",),
+        (*PLANE, "filter.defaults=24"),
+        ("agents.positions=[[0,0,1],[5,0,1],[0,5,1],[5,5,1],[2,3,1],[3,2,1]]", "filter.defaults=24"),
         ("agents.count=2", "filter.planar_height=0"),
         ("filter.linearise=after",),
     ],
@@ -212,6 +222,8 @@ def test_the_network_linearises_after_averaging_where_priors_may_be_wide(overrid
     "overrides",
     [
         (),
+        PLANE,
+        ("agents.positions=[[0,0,1],[5,0,1],[0,5,1],[5,5,1],[2,3,1],[3,2,1]]",),
         ("agents.count=3", "filter.planar_height=0"),
         ("agents.count=2",),
         ("agents.positions=[[0,0,1],[5,0,1],[1,0,1],[9,0,1],[2,0,1],[3,0,1]]",),

@@ -23,14 +23,20 @@ and then, as ranges bend more where agents see it from one side.
 def after(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
     """Whether agents linearise after averaging; auto: where priors may be too wide for ranges to be linear.
 
-    That is in steps that are long for the motion, and across a plane or a line of agents. The same for all seeds, which
-    may be one batch. motion: what the filter assumes. range_std: m.
+    That is in steps that are long for the motion, across a line of agents in a plane, and across the plane of three
+    agents. More agents in a plane tell a height so well that it grows on the side on which their guesses have the
+    target, while an estimate from squared ranges may stay in the plane, in the middle between both sides; by the 24th
+    rules these linearise afterwards, too. The same for all seeds, which may be one batch. motion: what the filter
+    assumes. range_std: m.
     """
     chosen = scenario.filter
     if chosen.linearise != "auto" or chosen.defaults < 2:
         return chosen.linearise == "after"
     most = MOST if chosen.defaults < 4 else STRAIGHT
-    return mirrored(scenario, range_std, motion.axes) or bending(scenario, motion, range_std, scenario.dt)[1] > most
+    fewest = motion.axes < 3 or scenario.count <= 3 or chosen.defaults < 25
+    if fewest and mirrored(scenario, range_std, motion.axes):
+        return True
+    return bending(scenario, motion, range_std, scenario.dt)[1] > most
 
 
 def may_pause(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:

@@ -104,8 +104,7 @@ class Filtering(Meant):
     @property
     def splits(self) -> int:
         """How each motion's hypotheses are split, of agents that tell each other their ranges; 0: it keeps one."""
-        motions = self.models or (self.motion,)
-        return telling.splits(self.scenario, motions, self.range_std) if self.tells_ranges else 0
+        return telling.splits(self.scenario, self.models or (self.motion,), self.range_std) if self.tells_ranges else 0
 
     @alike
     def plain_motion(self) -> LinearMotion:
@@ -184,6 +183,7 @@ class Filtering(Meant):
             settled=chosen.defaults > 22,
             ties=self._may_leap,
             exact=chosen.defaults > 16 and bool(self.models),
+            persists=chosen.defaults > 24 and bool(self.models),
             agrees=chosen.defaults > 15,
             fits=chosen.defaults > 15 and self.squares and self._leaps,
             plane=self.plane,

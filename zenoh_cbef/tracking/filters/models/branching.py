@@ -8,11 +8,12 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.filters.models.expecting import Expected, likelihoods
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, mixture, total
+from zenoh_cbef.tracking.filters.models.persisting import again, judged
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.linalg import matvec, outer
 from zenoh_cbef.tracking.motion import Motion, turned
-from zenoh_cbef.tracking.outliers import UNTOLD, wrong_by_any
 
 MOST = 16
 """How many branches stay after each range."""
@@ -40,27 +41,6 @@ class Heard:
 
 
 @dataclass(frozen=True)
-class Expected:
-    """What k branches expect of a range, arrays (n, k).
-
-    row: (n, k, d), the squared range's derivative, and cross: (n, k, d), the covariance times it. distance, m, and its
-    variance, m^2, without the noise. excess: the squared range over what is expected, m^2. total: the variance of that,
-    m^4. unit: 2 l, m, by which it is divided to be an innovation of the range. beyond: m, by how much the range is
-    longer if it is wrong, and around: m^2, the variance of that.
-    """
-
-    row: Floats
-    cross: Floats
-    distance: Floats
-    variance: Floats
-    excess: Floats
-    total: Floats
-    unit: Floats
-    beyond: Floats
-    around: Floats
-
-
-@dataclass(frozen=True)
 class Branches:
     """Hypotheses on which ranges are wrong: k of n agents.
 
@@ -69,7 +49,8 @@ class Branches:
     the first rules. slack: (n, k), m^4, the variance that e has about its regression on x; None: e stays tied to x by
     that alone. motion: by which ranges may turn the velocity (see `turned`); None: they move it. exact: whether a
     wrong range's error counts from the distance, or in the square, by earlier rules: about a length that this range
-    moves by metres, the more the less is known of the place, so that outliers spoke for agile motions.
+    moves by metres, the more the less is known of the place, so that outliers spoke for agile motions. former:
+    (n, k, m, 3), what is made of the ranges before (see persisting.py); None: it does not count.
     Squared ranges are linear in y = (x, e), e = |u|^2 with the position u: see `SquaredInformation`, which has the same
     equations. x: position, velocity, what else moves it, and perhaps the agents' biases from component `biases` on.
 
@@ -97,6 +78,7 @@ class Branches:
     slack: Floats | None = None
     motion: Motion | None = None
     exact: bool = False
+    former: Floats | None = None
 
     @classmethod
     def of(
@@ -173,6 +155,8 @@ class Branches:
         there = np.isfinite(heard.range[:, agent])[:, None]
         told = self.expected(heard, agent)
         right, wrong = likelihoods(told, heard.variance[:, agent, None], outliers, self.share)
+        if self.former is not None:
+            right, wrong = again((right, wrong), (told.beyond, told.around), self.former[:, :, agent])
         likelihood = np.concatenate(
             [self.likelihood + np.where(there, right, 0.0), self.likelihood + np.where(there, wrong, NEVER)], axis=1
         )
@@ -192,7 +176,23 @@ class Branches:
             likelihood=likelihood[rows, kept],
             wrong=self.wrong[which] + is_wrong,
             slack=None if self.slack is None else self.slack[which],
+            former=None if self.former is None else self.former[which],
         )
+
+    def after_those(self, former: Floats) -> Branches:
+        """With what is made of the ranges before, (n, k', m, 3), before branches were split; m = 0: nothing."""
+        if not former.size:
+            return self
+        return replace(self, former=np.tile(former, (1, self.mean.shape[1] // former.shape[1], 1, 1)))
+
+    def judged(self, heard: Heard) -> Floats:
+        """What the branches make of ranges that they have taken in, (n, k, m, 3): see persisting.py."""
+        likely, errors = [], []
+        for agent in range(heard.range.shape[1]):
+            told = self.expected(heard, agent)
+            likely.append(np.stack(likelihoods(told, heard.variance[:, agent, None], None)))
+            errors.append(np.stack([told.beyond, told.around]))
+        return judged(np.stack(likely, axis=3), np.stack(errors, axis=3), np.isfinite(heard.range)[:, None], self.axes)
 
     def beside(self, other: Branches) -> Branches:
         """These and others."""
@@ -203,6 +203,7 @@ class Branches:
             likelihood=np.concatenate([self.likelihood, other.likelihood], axis=1),
             wrong=np.concatenate([self.wrong, other.wrong], axis=1),
             slack=_beside(self.slack, other.slack),
+            former=_beside(self.former, other.former),
         )
 
     def unless(self, rows: Bools) -> Branches:
@@ -245,39 +246,3 @@ def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | N
 
 def _beside(one: Floats | None, other: Floats | None) -> Floats | None:
     return None if one is None or other is None else np.concatenate([one, other], axis=1)
-
-
-def likelihoods(
-    told: Expected, noise: Floats, outliers: tuple[float, float] | None, untold: Floats | None = None
-) -> tuple[Floats, Floats]:
-    """Logarithms of how likely a range is that is right, and one that is wrong, (n, k).
-
-    noise: its variance, m^2. untold: see `Branches.share`.
-    """
-    share, mean = UNTOLD if outliers is None else outliers
-    variance, innovation = told.total / told.unit**2, told.excess / told.unit
-    right = -0.5 * (innovation**2 / variance + np.log(2.0 * np.pi * variance))
-    long = mean if outliers is not None else mean * np.sqrt(noise)
-    innovation, variance = told.beyond, told.around
-    if untold is not None:
-        wrong = _wrong(innovation, variance, long, told=outliers is not None)
-        chance = untold if outliers is None else np.full_like(untold, share)
-        return right + np.log1p(-chance), wrong + np.log(chance)
-    right = np.log1p(-share) + right
-    if outliers is not None:
-        short = np.minimum(innovation, 0.0) ** 2 / variance
-        return right, np.log(share / mean) - np.maximum(innovation, 0.0) / mean - 0.5 * short
-    return right, np.log(0.5 * share / long) - np.abs(innovation) / long
-
-
-def _wrong(innovation: Floats, variance: Floats, mean: Floats | float, *, told: bool) -> Floats:
-    """Logarithm of the density of a wrong range's innovation, (n, k), whatever the place's variance (m^2) in it.
-
-    mean: of the error, m. told: whether errors are exponential; others: see `wrong_by_any`.
-    """
-    if not told:
-        return wrong_by_any(innovation, variance, mean)
-    half = np.sqrt(0.5 * np.pi * variance)
-    longer = mean + half
-    short = np.minimum(innovation, 0.0) ** 2 / variance
-    return np.asarray(-np.log(longer + half) - np.maximum(innovation, 0.0) / longer - 0.5 * short)

@@ -8,7 +8,8 @@ from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.diagnostics import Diagnostics
 from zenoh_cbef.tracking.filters.base import Belief, Bias
 from zenoh_cbef.tracking.filters.information_form import told
-from zenoh_cbef.tracking.filters.models.branching import Branches, Heard, likelihoods
+from zenoh_cbef.tracking.filters.models.branching import Branches, Heard
+from zenoh_cbef.tracking.filters.models.expecting import likelihoods
 from zenoh_cbef.tracking.filters.rows import Rows
 
 

@@ -48,6 +48,11 @@ class Slots:
         ranges = np.where(there[:, :, 0], slots[:, :, 4], np.nan)
         return self.at(slots[:, :, 1:4], ranges, slots[:, :, 5], np.where(there[:, :, 0], slots[:, :, 6], 1.0) ** 2)
 
+    def nothing(self, count: int) -> Heard:
+        """What so many agents know that have heard no range."""
+        none = np.zeros((count, self.network_size))
+        return self.at(np.zeros((*none.shape, 3)), none + np.nan, none, none + 1.0)
+
     def own(self, measurement: Measurement) -> Heard:
         """What an agent knows of its own range alone."""
         noise = variance_of(measurement, self.range_std)

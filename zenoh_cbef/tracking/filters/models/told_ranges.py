@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Self
 
@@ -20,7 +20,7 @@ from zenoh_cbef.tracking.filters.models.contending import Contest, apart, share,
 from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, elsewhere, mixture, predicted
 from zenoh_cbef.tracking.filters.models.own_range import about_target, said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
-from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
+from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, judged, split, staying
 from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import Rows, picked
 from zenoh_cbef.tracking.filters.settings import FilterSettings
@@ -55,7 +55,8 @@ class ToldRanges:
     wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges bend, of which
     several stay then (splitting.py); 0: none. settled: see there. least: ranges below it, m, are none. ties: see
     tying.py. exact: see branching.py. agrees: whether agents agree on the mean of their guesses before they predict it:
-    a motion that is not linear leaves each of them another covariance otherwise. compares: see contending.py.
+    a motion that is not linear leaves each of them another covariance otherwise. compares: see contending.py. persists:
+    see persisting.py.
     """
 
     motions: tuple[Motion, ...]
@@ -76,6 +77,7 @@ class ToldRanges:
     exact: bool = False
     agrees: bool = False
     compares: bool = False
+    persists: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -85,27 +87,13 @@ class ToldRanges:
     @classmethod
     def of(cls, settings: FilterSettings) -> Self:
         """The filter of these settings."""
-        switching = settings.switching
-        return cls(
-            motions=switching.motions,
-            switching=switching,
-            space=settings.space,
-            range_std=settings.range_std,
-            network_size=settings.network_size,
-            middle=settings.middle,
-            guesses=settings.guesses or (1, 1),
-            outliers=settings.outliers,
-            own_std=settings.own_bias_std if settings.joint_biases else 0.0,
-            anywhere=settings.anywhere,
-            seeks=settings.seeks,
-            splits=settings.splits,
-            settled=settings.settled,
-            least=settings.least,
-            ties=settings.ties,
-            exact=settings.exact,
-            agrees=settings.agrees,
-            compares=settings.compares,
-        )
+        alike = {one.name: getattr(settings, one.name) for one in fields(cls) if hasattr(settings, one.name)}
+        others = {
+            "motions": settings.switching.motions,
+            "guesses": settings.guesses or (1, 1),
+            "own_std": settings.own_bias_std if settings.joint_biases else 0.0,
+        }
+        return cls(**alike | others)
 
     @property
     def size(self) -> int:
@@ -126,7 +114,8 @@ class ToldRanges:
         """What the agent tells: its prior's mean, and its range."""
         begins = np.full(len(belief.state), float(belief.chance is None and not belief.memory))
         counts = belief.memory[3] if self.seeks and belief.memory else uncounted(len(belief.state))
-        ahead, priors = self._priors(belief)
+        ahead, begun = self._begun(belief)
+        priors, former = self._predicted(begun), self._former(begun, belief)
         own, count = self._own(measurement), len(ahead)
         slots = np.zeros((count, self.network_size, SLOT))
         slots[np.arange(count), own] = self._slots.told(measurement)
@@ -135,7 +124,7 @@ class ToldRanges:
         told = np.concatenate([mean, slots.reshape(count, -1)], axis=1)
         payload = np.pad(told, ((0, 0), (0, self.size - told.shape[1])))
         known = ahead, own.astype(np.float64), begins, counts, guess, spread
-        kept = *known, *(part for prior in priors for part in prior)
+        kept = *known, *(part for whole in zip(priors, former, strict=True) for part in (*whole[0], whole[1]))
         said = self._diagnosed(ahead, priors, measurement, own, share(counts) if self.seeks else None)
         return Update(payload, said, kept)
 
@@ -147,18 +136,19 @@ class ToldRanges:
         guessed = away * (begins * ~alone)[:, None]
         off = apart(away, spread, self.space.axes) & self.compares
         if self.agrees and begins.any():
-            agreed = self._priors(Belief(guess + guessed, spread))[1]
-            known = [part for prior in agreed for part in prior]
-            parts = [picked(old, new, begins > 0.0) for new, old in zip(known, parts, strict=True)]
+            agreed = self._predicted(self._begun(Belief(guess + guessed, spread))[1])
+            for place, new in enumerate(part for prior in agreed for part in prior):
+                index = place + place // 3  # Of four parts of a motion the last one is what ranges before tell.
+                parts[index] = picked(parts[index], new, begins > 0.0)
             guessed = np.zeros_like(guessed)
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
         each = []
-        for state, covariance, likely in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+        for state, covariance, likely, former in zip(*(parts[one::4] for one in range(4)), strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            each.append((centred, covariance, likely, counts, off.astype(np.float64), *vars(heard).values()))
+            each.append((centred, covariance, likely, former, counts, off.astype(np.float64), *vars(heard).values()))
         found, misfits, stays = [], [], []
         for after, spread, likelihood, *later in abreast(self.motions, each, self._after):
             found.append((self._centred(after, -1.0), spread))
@@ -170,11 +160,11 @@ class ToldRanges:
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
         claimed = about_target(*self.switching.claimed(chance, found), self._begin, which)
-        return replace(claimed, chance=chance, parts=parts_of)
+        return replace(claimed, chance=chance, parts=parts_of, memory=self._remembered(heard))
 
     def _after(self, motion: Motion, rows: Arrays) -> Arrays:
         """State, covariance and likelihood after the ranges, and what the next step begins with, if hypotheses stay."""
-        state, covariance, likely, counts, off, *told = rows
+        state, covariance, likely, former, counts, off, *told = rows
         prior, heard = (state, covariance, likely), Heard(*told)
         known = self.space.axes, self._biases, share(counts) if self.seeks else None, motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
@@ -184,7 +174,8 @@ class ToldRanges:
             where = self._elsewhere(len(counts))
             whole, stay = self._contest.after(before[0], before[1], where, heard, counts, off=off > 0.0)
             return *whole.merged(), *stay
-        whole = tied(conditioned(before[0], heard, self.outliers, MANY if self.splits else MOST), heard)
+        many = MANY if self.splits else MOST
+        whole = tied(conditioned(before[0].after_those(former), heard, self.outliers, many), heard)
         if not self.splits and len(self.motions) > 1:
             return whole.merged()
         return *whole.merged(), *(staying(whole) if self.splits else whole.distinct())
@@ -203,7 +194,7 @@ class ToldRanges:
                 state, covariance = elsewhere(self.switching.combined(belief.known_chance, known), place)
             chance, parts = self.switching.begun(state, covariance)
             found = tuple(Belief(*one, memory=alike(*one, STAY) if self.splits else ()) for one in parts)
-            return replace(there, chance=chance, parts=found)
+            return replace(there, chance=chance, parts=found, memory=self._remembered(self._slots.nothing(len(state))))
         whole, spread = self._beginning.of(state, covariance)
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
@@ -233,8 +224,8 @@ class ToldRanges:
     def _biases(self) -> int | None:
         return self._begin if self.own_std else None
 
-    def _priors(self, belief: Belief) -> tuple[Floats, list[Priors]]:
-        """How likely each motion is, (n, M), and with each what may be, a step later."""
+    def _begun(self, belief: Belief) -> tuple[Floats, list[Priors]]:
+        """How likely each motion is in the step, (n, M), and what the step begins with if it is."""
         begins = belief.chance is None and not belief.memory
         if begins:
             axes, scale = self.space.axes, np.ones(belief.state.shape[1])
@@ -252,8 +243,23 @@ class ToldRanges:
             priors = [
                 self._beginning.or_anywhere(motion, one) for motion, one in zip(self.motions, priors, strict=True)
             ]
+        return ahead, priors
+
+    def _predicted(self, priors: list[Priors]) -> list[Priors]:
+        """With each motion what may be, a step later."""
         beside = self._more if len(self.motions) == 1 else 0
-        return ahead, [predicted(motion, one, beside) for motion, one in zip(self.motions, priors, strict=True)]
+        return [predicted(motion, one, beside) for motion, one in zip(self.motions, priors, strict=True)]
+
+    def _remembered(self, heard: Heard) -> tuple[Floats, ...]:
+        """What a network of several motions keeps of a step's ranges for the next step."""
+        return tuple(vars(heard).values()) if self.persists and self.outliers is None else ()
+
+    def _former(self, priors: list[Priors], belief: Belief) -> list[Floats]:
+        """What hypotheses with which a step begins make of the ranges before it, (n, k, m, 3); m = 0: nothing."""
+        if len(self.motions) == 1 or not belief.memory:
+            return [np.zeros((*one[0].shape[:2], 0, 3)) for one in priors]
+        centred = [(self._centred(state), covariance, likely) for state, covariance, likely in priors]
+        return judged(self.motions, centred, Heard(*belief.memory), self.space.axes, self._biases)
 
     @cached_property
     def _beginning(self) -> Beginning:
