@@ -176,7 +176,7 @@ def test_a_target_that_crosses_a_line_of_agents_is_not_taken_for_its_mirror_imag
 
 @pytest.mark.parametrize(("rules", "between"), [(24, True), (25, False)])
 def test_an_estimate_does_not_stay_in_the_plane_of_six_agents(rules, between):
-    """In the middle between the target, which begins in that plane, and its mirror image; no range tells these apart."""
+    """In the middle between the target, which begins there, and its mirror image: no range tells which one it is."""
     for trace in traces_of(*PLANE, "steps=200", f"filter.defaults={rules}", seeds=[1030, 1042, 1046]):
         true, found = abs(trace.truth[-1, 2]), np.abs(trace.estimates[:, -1, 2])
         assert true > 1.9
