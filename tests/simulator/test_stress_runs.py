@@ -36,7 +36,12 @@ MORE = {
         "fault=[{kind='crash',agents=[1,4],from=2.3,until=2.6},{kind='loss',probability=0.3}]",
     ],
     "liars that neighbours name": ["fault=[{kind='byzantine',agents=[3],mode='constant',magnitude=3.0}]"],
-    "half of the squared ranges": ["filter.range_std=0.2", "agents.low=[-10,-10,0]", "agents.high=[10,10,0]"],
+    "half of the squared ranges": [
+        "filter.range_std=0.2",
+        "agents.low=[-10,-10,0]",
+        "agents.high=[10,10,0]",
+        "filter.linearise=after",
+    ],
     "many agents": ["agents.count=30", "network.graph='grid'", "filter.kind='cbef-scaled'"],
 }
 """Scenarios beside those of benchmarks/stress.toml: what is laid over the built-in `tracking`."""

@@ -41,11 +41,12 @@ def test_by_the_rules_before_they_were_sure_of_the_wrong_side():
     assert (said[:, -1] == TRACKING).all()
 
 
-def test_agents_in_a_plane_share_squares_in_place_of_two_filters():
+@pytest.mark.parametrize(("rules", "squares"), [(24, True), (25, False)])
+def test_agents_in_a_plane_have_one_filter(rules, squares):
     places = "agents.positions=[[-9,-7,0.02],[8,-6,-0.02],[7,8,0.02],[-6,9,-0.02],[1,-9,0.02],[-2,5,-0.02]]"
-    plan = Plan(scenario_of(CASE, [places]))
+    plan = Plan(scenario_of(CASE, [places, f"filter.defaults={rules}"]))
     assert plan.plane is None
-    assert plan.squares
+    assert plan.squares is squares
 
 
 @pytest.mark.parametrize(
