@@ -183,7 +183,7 @@ class Filtering(Meant):
             settled=chosen.defaults > 22,
             ties=self._may_leap,
             exact=chosen.defaults > 16 and bool(self.models),
-            persists=chosen.defaults > 24 and bool(self.models),
+            persists=chosen.defaults > 24 and bool(self.models) and start.outliers(scenario) is None,
             agrees=chosen.defaults > 15,
             fits=chosen.defaults > 15 and self.squares and self._leaps,
             plane=self.plane,

@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.information_form import variance_of
 from zenoh_cbef.tracking.filters.models.branching import Heard
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 SLOT = 7
 """Numbers that an agent tells: 1, its position (3), its range, its age and its noise."""
+
+_OFF = 5.0
+"""By how many deviations of its noise a range is off an estimate that may be wrong, or take a wrong range for right."""
 
 _ANY = 1e-9
 """More than rounding leaves of an average of zeros."""
@@ -48,10 +52,20 @@ class Slots:
         ranges = np.where(there[:, :, 0], slots[:, :, 4], np.nan)
         return self.at(slots[:, :, 1:4], ranges, slots[:, :, 5], np.where(there[:, :, 0], slots[:, :, 6], 1.0) ** 2)
 
-    def nothing(self, count: int) -> Heard:
-        """What so many agents know that have heard no range."""
-        none = np.zeros((count, self.network_size))
+    def nothing(self, state: Floats) -> Heard:
+        """What agents in these states, (n, s), know that have heard no range."""
+        none = np.zeros((len(state), self.network_size))
         return self.at(np.zeros((*none.shape, 3)), none + np.nan, none, none + 1.0)
+
+    def doubtful(self, heard: Heard, state: Floats) -> Heard:
+        """The ranges of a step as those agents know them to whose estimates one does not fit; the others know none.
+
+        state: (n, s), the estimates, their position counted from the middle.
+        """
+        away = state[:, None, : self.space.axes] - heard.place
+        distance = np.sqrt(np.add.reduce(away * away, axis=2) + heard.height)
+        off = np.abs(heard.range - distance) > _OFF * np.sqrt(heard.variance)
+        return replace(heard, range=np.where(off.any(axis=1)[:, None], heard.range, np.nan))
 
     def own(self, measurement: Measurement) -> Heard:
         """What an agent knows of its own range alone."""

@@ -53,10 +53,9 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity; 0: there are none. anywhere: where the target may be if the guesses are
     wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges bend, of which
-    several stay then (splitting.py); 0: none. settled: see there. least: ranges below it, m, are none. ties: see
-    tying.py. exact: see branching.py. agrees: whether agents agree on the mean of their guesses before they predict it:
-    a motion that is not linear leaves each of them another covariance otherwise. compares: see contending.py. persists:
-    see persisting.py.
+    several stay then; 0: none. least: ranges below it, m, are none. agrees: whether agents agree on the mean of their
+    guesses before they predict it: a motion that is not linear leaves each of them another covariance otherwise.
+    settled, ties, exact, compares, persists: see splitting.py, tying.py, branching.py, contending.py, persisting.py.
     """
 
     motions: tuple[Motion, ...]
@@ -124,31 +123,31 @@ class ToldRanges:
         told = np.concatenate([mean, slots.reshape(count, -1)], axis=1)
         payload = np.pad(told, ((0, 0), (0, self.size - told.shape[1])))
         known = ahead, own.astype(np.float64), begins, counts, guess, spread
-        kept = *known, *(part for whole in zip(priors, former, strict=True) for part in (*whole[0], whole[1]))
+        kept = *known, *former, *(part for prior in priors for part in prior)
         said = self._diagnosed(ahead, priors, measurement, own, share(counts) if self.seeks else None)
         return Update(payload, said, kept)
 
     def conclude(self, payload: Floats, update: Update) -> Belief:
         """The estimate from all ranges that came; of an agent that heard no neighbour, its prior."""
         ahead, own, begins, counts, guess, spread, *parts = update.kept
+        former, parts = parts[: len(self.motions)], parts[len(self.motions) :]
         alone = unchanged(payload, update.payload) if self.network_size > 1 else np.zeros(len(ahead), dtype=bool)
         away = (payload - update.payload)[:, : self._told]
         guessed = away * (begins * ~alone)[:, None]
         off = apart(away, spread, self.space.axes) & self.compares
         if self.agrees and begins.any():
             agreed = self._predicted(self._begun(Belief(guess + guessed, spread))[1])
-            for place, new in enumerate(part for prior in agreed for part in prior):
-                index = place + place // 3  # Of four parts of a motion the last one is what ranges before tell.
-                parts[index] = picked(parts[index], new, begins > 0.0)
+            known = [part for prior in agreed for part in prior]
+            parts = [picked(old, new, begins > 0.0) for new, old in zip(known, parts, strict=True)]
             guessed = np.zeros_like(guessed)
         averages = payload[:, self._told :][:, : self.network_size * SLOT]
         # An agent of many hypotheses may take in its range alone: they follow the bend of that.
         heard = self._slots.heard(averages, alone & (not self.splits))
         each = []
-        for state, covariance, likely, former in zip(*(parts[one::4] for one in range(4)), strict=True):
+        for state, covariance, likely, was in zip(parts[::3], parts[1::3], parts[2::3], former, strict=True):
             centred = self._centred(state)
             centred[:, 0, : self._told] += guessed
-            each.append((centred, covariance, likely, former, counts, off.astype(np.float64), *vars(heard).values()))
+            each.append((centred, covariance, likely, was, counts, off.astype(np.float64), *vars(heard).values()))
         found, misfits, stays = [], [], []
         for after, spread, likelihood, *later in abreast(self.motions, each, self._after):
             found.append((self._centred(after, -1.0), spread))
@@ -160,7 +159,7 @@ class ToldRanges:
         chance = self.switching.weighed(ahead, np.stack(misfits, axis=1))
         parts_of = tuple(Belief(*one, memory=later) for one, later in zip(found, stays, strict=True))
         claimed = about_target(*self.switching.claimed(chance, found), self._begin, which)
-        return replace(claimed, chance=chance, parts=parts_of, memory=self._remembered(heard))
+        return replace(claimed, chance=chance, parts=parts_of, memory=self._kept(heard, claimed.state))
 
     def _after(self, motion: Motion, rows: Arrays) -> Arrays:
         """State, covariance and likelihood after the ranges, and what the next step begins with, if hypotheses stay."""
@@ -194,7 +193,7 @@ class ToldRanges:
                 state, covariance = elsewhere(self.switching.combined(belief.known_chance, known), place)
             chance, parts = self.switching.begun(state, covariance)
             found = tuple(Belief(*one, memory=alike(*one, STAY) if self.splits else ()) for one in parts)
-            return replace(there, chance=chance, parts=found, memory=self._remembered(self._slots.nothing(len(state))))
+            return replace(there, chance=chance, parts=found, memory=self._kept(self._slots.nothing(state), state))
         whole, spread = self._beginning.of(state, covariance)
         if belief.memory:
             size, (states, covariances) = self.motions[0].size, belief.memory[:2]
@@ -250,16 +249,17 @@ class ToldRanges:
         beside = self._more if len(self.motions) == 1 else 0
         return [predicted(motion, one, beside) for motion, one in zip(self.motions, priors, strict=True)]
 
-    def _remembered(self, heard: Heard) -> tuple[Floats, ...]:
-        """What a network of several motions keeps of a step's ranges for the next step."""
-        return tuple(vars(heard).values()) if self.persists and self.outliers is None else ()
+    def _kept(self, heard: Heard, state: Floats) -> tuple[Floats, ...]:
+        """What a network of several motions keeps of a step's ranges for the next. state: (n, s), what it found."""
+        return tuple(vars(self._slots.doubtful(heard, self._centred(state))).values()) if self.persists else ()
 
     def _former(self, priors: list[Priors], belief: Belief) -> list[Floats]:
         """What hypotheses with which a step begins make of the ranges before it, (n, k, m, 3); m = 0: nothing."""
-        if len(self.motions) == 1 or not belief.memory:
+        heard = Heard(*belief.memory) if len(self.motions) > 1 and belief.memory else None
+        if heard is None or np.isnan(heard.range).all():
             return [np.zeros((*one[0].shape[:2], 0, 3)) for one in priors]
         centred = [(self._centred(state), covariance, likely) for state, covariance, likely in priors]
-        return judged(self.motions, centred, Heard(*belief.memory), self.space.axes, self._biases)
+        return judged(self.motions, centred, heard, self.space.axes, self._biases)
 
     @cached_property
     def _beginning(self) -> Beginning:
