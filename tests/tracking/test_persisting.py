@@ -12,7 +12,9 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard, heard_in, simulate
 from zenoh_cbef.tracking.filters.models.persisting import again, judged
+from zenoh_cbef.tracking.filters.models.slots import Slots
 from zenoh_cbef.tracking.outliers import UNTOLD
+from zenoh_cbef.tracking.ranging import Space
 
 AGAIN, AS_MUCH = 0.1, 0.5
 SWIFT = "dt=0.3", "target.motion=lemniscate", "target.radius=3", "target.period=2"
@@ -76,6 +78,16 @@ def test_ranges_count_for_wrong_where_the_others_prove_the_place():
     assert not six(1, 4, 5)[:, 0].any()  # Three right ranges fit some place whatever they are.
     assert not six(1, 4, missing=[0])[:, 0].any()
     assert six(1, missing=[0, 1])[1].tolist() == [0.0, 0.0, 1.0]
+
+
+def test_only_steps_are_looked_back_at_in_which_a_range_does_not_fit():
+    slots, state = Slots(Space(), 0.1, (0.0, 0.0, 0.0), 3), np.zeros((2, 6))
+    state[1, 0] = 0.6
+    places = np.broadcast_to(np.array([[3.0, 0, 0], [0, 4, 0], [0, 0, 5]]), (2, 3, 3))
+    ranges = np.array([[3.1, 4.0, np.nan], [3.1, 4.0, np.nan]])
+    heard = slots.at(places, ranges, np.zeros((2, 3)), np.full((2, 3), 0.01))
+    np.testing.assert_array_equal(slots.doubtful(heard, state).range, [[np.nan] * 3, [3.1, 4.0, np.nan]])
+    assert np.isnan(slots.doubtful(slots.nothing(state), state).range).all()
 
 
 def in_bursts(scenario):
