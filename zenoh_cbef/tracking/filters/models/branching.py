@@ -180,8 +180,8 @@ class Branches:
         )
 
     def after_those(self, former: Floats) -> Branches:
-        """With what is made of the ranges before, (n, k', m, 3), before branches were split; m = 0: nothing."""
-        if not former.size:
+        """With what is made of the ranges before, (n, k', m, 3), before branches were split; zeros: nothing."""
+        if not former.any():
             return self
         return replace(self, former=np.tile(former, (1, self.mean.shape[1] // former.shape[1], 1, 1)))
 

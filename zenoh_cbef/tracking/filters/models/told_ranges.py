@@ -254,10 +254,10 @@ class ToldRanges:
         return tuple(vars(self._slots.doubtful(heard, self._centred(state))).values()) if self.persists else ()
 
     def _former(self, priors: list[Priors], belief: Belief) -> list[Floats]:
-        """What hypotheses with which a step begins make of the ranges before it, (n, k, m, 3); m = 0: nothing."""
+        """What hypotheses with which a step begins make of the ranges before it, (n, k, m, 3); zeros: nothing."""
         heard = Heard(*belief.memory) if len(self.motions) > 1 and belief.memory else None
         if heard is None or np.isnan(heard.range).all():
-            return [np.zeros((*one[0].shape[:2], 0, 3)) for one in priors]
+            return [np.zeros((*one[0].shape[:2], self.network_size, 3)) for one in priors]
         centred = [(self._centred(state), covariance, likely) for state, covariance, likely in priors]
         return judged(self.motions, centred, heard, self.space.axes, self._biases)
 
