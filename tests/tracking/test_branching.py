@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from zenoh_cbef.tracking.filters.models.branching import Branches, Heard, likelihoods
+from zenoh_cbef.tracking.filters.models.branching import Branches, Heard
 from zenoh_cbef.tracking.filters.models.branching import conditioned as taken_in
+from zenoh_cbef.tracking.filters.models.expecting import likelihoods
 
 PLACES = np.array([[-9.0, -7, 3], [8, -6, -5], [7, 8, 2], [-6, 9, -7], [1, -9, 9], [-2, 5, -8]])
 STD = 0.1

@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from zenoh_cbef.tracking.filters.models.branching import KEPT, MOST, Branches, Heard, conditioned, likelihoods
+from zenoh_cbef.tracking.filters.models.branching import KEPT, MOST, Branches, Heard, conditioned
+from zenoh_cbef.tracking.filters.models.expecting import likelihoods
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER
 
 STD = 0.1

@@ -11,8 +11,9 @@ from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.scenario.world import make_world
 from zenoh_cbef.simulator import Heard as Ranges
 from zenoh_cbef.simulator import heard_in, simulate
-from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches, likelihoods
+from zenoh_cbef.tracking.filters.models.branching import KEPT, Branches
 from zenoh_cbef.tracking.filters.models.contending import Contest, share, uncounted
+from zenoh_cbef.tracking.filters.models.expecting import likelihoods
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER
 from zenoh_cbef.tracking.status import LOST, TRACKING
 
