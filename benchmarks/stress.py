@@ -108,7 +108,7 @@ def scenario_of(case: Mapping[str, object], more: Sequence[str] = ()) -> Scenari
 def scores(scenario: Scenario, wrong: str = "", seeds: int = SEEDS, first: int = FIRST) -> Scores:
     """Simulate and score the seeds of a case, from the first one on, as one batch."""
     scenarios = drawn(scenario, seeds, first)
-    heard = [_heard(Plan(one), wrong) for one in scenarios]
+    heard = [heard_by(Plan(one), wrong) for one in scenarios]
     with np.errstate(all="ignore"):
         traces = [believed(trace) for trace in simulate(scenarios, heard=heard)]
         runs = analyze(traces)
@@ -146,7 +146,7 @@ def yardsticks(traces: Sequence[Trace], first: int) -> tuple[Floats, Floats, Flo
     return np.sqrt(over_agents(twin**2)), np.sqrt(over_agents(square)), over_agents(nees)
 
 
-def _heard(plan: Plan, wrong: str) -> Heard:
+def heard_by(plan: Plan, wrong: str) -> Heard:
     """What receivers measure that are wrong in a way of which the scenario says nothing."""
     heard = heard_in(plan, make_world(plan.scenario))
     if not wrong:

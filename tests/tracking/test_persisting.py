@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.stress import cases, heard_by, scenario_of
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
-from zenoh_cbef.scenario.world import make_world
-from zenoh_cbef.simulator import Heard, heard_in, simulate
+from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.filters.models.persisting import again, judged
 from zenoh_cbef.tracking.filters.models.slots import Slots
 from zenoh_cbef.tracking.outliers import UNTOLD
@@ -90,24 +90,13 @@ def test_only_steps_are_looked_back_at_in_which_a_range_does_not_fit():
     assert np.isnan(slots.doubtful(slots.nothing(state), state).range).all()
 
 
-def in_bursts(scenario):
-    """What receivers hear, two of which are now and then 10 m too long for twenty steps."""
-    heard = heard_in(Plan(scenario), make_world(scenario))
-    ranges, steps = heard.ranges.copy(), heard.ranges.shape[1]
-    chance = np.random.default_rng(scenario.seed)
-    for agent in (0, len(ranges) - 1):
-        for first in chance.integers(0, steps, steps // 60):
-            ranges[agent, first : first + 20] += 10.0
-    return Heard(heard.positions, ranges, heard.age)
-
-
 @pytest.mark.parametrize("seed", [1038, 1046])
 def test_two_receivers_that_are_wrong_for_long_do_not_prove_another_place(seed):
     """Of six, in steps in which the target may get anywhere: with a right one they fit the mirror image of the rest."""
     errors = []
     for rules in (25, 24):
-        scenario = load("tracking", [*SWIFT, f"filter.defaults={rules}", f"seed={seed}"]).scenario
-        trace = simulate([scenario], heard=[in_bursts(scenario)])[0]
+        scenario = scenario_of(cases()["fast-lemniscate-and-bursts"], [f"filter.defaults={rules}", f"seed={seed}"])
+        trace = simulate([scenario], heard=[heard_by(Plan(scenario), "bursts")])[0]
         errors.append(np.linalg.norm((trace.estimates - trace.truth)[:, 75:, :3], axis=2))
     today, before = (float(np.sqrt(np.mean(one**2))) for one in errors)
     assert today < 0.6

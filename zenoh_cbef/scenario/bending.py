@@ -33,8 +33,8 @@ def after(scenario: Scenario, motion: LinearMotion, range_std: float) -> bool:
     if chosen.linearise != "auto" or chosen.defaults < 2:
         return chosen.linearise == "after"
     most = MOST if chosen.defaults < 4 else STRAIGHT
-    fewest = motion.axes < 3 or scenario.count <= 3 or chosen.defaults < 25
-    if fewest and mirrored(scenario, range_std, motion.axes):
+    squares = motion.axes < 3 or scenario.count <= 3 or chosen.defaults < 25
+    if squares and mirrored(scenario, range_std, motion.axes):
         return True
     return bending(scenario, motion, range_std, scenario.dt)[1] > most
 

@@ -71,6 +71,8 @@ class FilterSettings:
     exact: bool = False
     """Whether agents that tell each other their ranges count errors of wrong ones from the distance (see branching.py).
     """
+    persists: bool = False
+    """Whether they take a range that was wrong for rather wrong again, and by as much (see persisting.py)."""
     agrees: bool = False
     """Whether agents that tell each other their ranges agree on their guesses before they predict them."""
     fits: bool = False
@@ -101,9 +103,6 @@ class FilterSettings:
     (see `Sudden`); 0: they are not asked."""
     learns_noise: bool = False
     """Whether agents learn the noise of ranges."""
-    persists: bool = False
-    """Whether agents that tell each other their ranges take one that was wrong for rather wrong again, and by as much.
-    """
     wrong_share: float = 0.0
     """Of what share of the ranges they do not, as these are outliers."""
     doubts_noise: bool = False

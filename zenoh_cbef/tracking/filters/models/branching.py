@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
+from zenoh_cbef.tracking.filters.models.abreast import Arrays, abreast
 from zenoh_cbef.tracking.filters.models.expecting import Expected, likelihoods
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, mixture, total
 from zenoh_cbef.tracking.filters.models.persisting import again, judged
@@ -179,7 +181,7 @@ class Branches:
             former=None if self.former is None else self.former[which],
         )
 
-    def after_those(self, former: Floats) -> Branches:
+    def with_former(self, former: Floats) -> Branches:
         """With what is made of the ranges before, (n, k', m, 3), before branches were split; zeros: nothing."""
         if not former.any():
             return self
@@ -242,6 +244,22 @@ def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | N
     for agent in range(heard.range.shape[1]):
         prior = prior.after(heard, agent, outliers, many)
     return prior
+
+
+def judged_by(
+    motions: Sequence[Motion], wholes: Sequence[Priors], heard: Heard, axes: int, biases: int | None
+) -> list[Floats]:
+    """What each motion's hypotheses make of ranges that they have taken in, (n, k, m, 3) each: see persisting.py.
+
+    axes, biases: see `Branches`.
+    """
+
+    def of(_: Motion, rows: Arrays) -> Arrays:
+        state, covariance, likelihood, *told = rows
+        return (Branches.of((state, covariance, likelihood), axes, biases, exact=True).judged(Heard(*told)),)
+
+    each = [(*whole, *vars(heard).values()) for whole in wholes]
+    return [found for (found,) in abreast(motions, each, of)]
 
 
 def _beside(one: Floats | None, other: Floats | None) -> Floats | None:

@@ -60,7 +60,7 @@ class Slots:
     def doubtful(self, heard: Heard, state: Floats) -> Heard:
         """The ranges of a step as those agents know them to whose estimates one does not fit; the others know none.
 
-        state: (n, s), the estimates, their position counted from the middle.
+        state: (n, s), the estimates, their position counted from the middle. Ranges count as if they were of now.
         """
         away = state[:, None, : self.space.axes] - heard.place
         distance = np.sqrt(np.add.reduce(away * away, axis=2) + heard.height)

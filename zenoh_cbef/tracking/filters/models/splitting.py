@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.base import Belief
-from zenoh_cbef.tracking.filters.models.abreast import Arrays, abreast
+from zenoh_cbef.tracking.filters.models.abreast import abreast
 from zenoh_cbef.tracking.filters.models.branching import Branches, Heard
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, total
 from zenoh_cbef.tracking.linalg import leading_trace, matvec, outer
-from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.switching import Switching
 
 STAY = 6
@@ -40,22 +37,6 @@ def begun_with(switching: Switching, belief: Belief) -> tuple[Floats, list[Prior
     ahead, apart = switching.apart(belief.known_chance, kept)
     found = abreast(switching.motions, apart, lambda _, rows: distinct((rows[0], rows[1], rows[2]), STAY, NEAR))
     return ahead, [(one[0], one[1], one[2]) for one in found]
-
-
-def judged(
-    motions: Sequence[Motion], wholes: Sequence[Priors], heard: Heard, axes: int, biases: int | None
-) -> list[Floats]:
-    """What each motion's hypotheses make of ranges that they have taken in, (n, k, m, 3) each: see persisting.py.
-
-    axes, biases: see `Branches`.
-    """
-
-    def of(_: Motion, rows: Arrays) -> Arrays:
-        state, covariance, likelihood, *told = rows
-        return (Branches.of((state, covariance, likelihood), axes, biases, exact=True).judged(Heard(*told)),)
-
-    each = [(*whole, *vars(heard).values()) for whole in wholes]
-    return [found for (found,) in abreast(motions, each, of)]
 
 
 def staying(branches: Branches) -> Priors:

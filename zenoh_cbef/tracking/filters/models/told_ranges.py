@@ -15,12 +15,12 @@ from zenoh_cbef.tracking.filters.base import Belief, Sharing, Update
 from zenoh_cbef.tracking.filters.information_form import packed_size, unchanged
 from zenoh_cbef.tracking.filters.models.abreast import Arrays, abreast
 from zenoh_cbef.tracking.filters.models.beginning import Beginning
-from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned
+from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned, judged_by
 from zenoh_cbef.tracking.filters.models.contending import Contest, apart, share, uncounted
 from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, elsewhere, mixture, predicted
 from zenoh_cbef.tracking.filters.models.own_range import about_target, said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
-from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, judged, split, staying
+from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with, split, staying
 from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import Rows, picked
 from zenoh_cbef.tracking.filters.settings import FilterSettings
@@ -174,7 +174,7 @@ class ToldRanges:
             whole, stay = self._contest.after(before[0], before[1], where, heard, counts, off=off > 0.0)
             return *whole.merged(), *stay
         many = MANY if self.splits else MOST
-        whole = tied(conditioned(before[0].after_those(former), heard, self.outliers, many), heard)
+        whole = tied(conditioned(before[0].with_former(former), heard, self.outliers, many), heard)
         if not self.splits and len(self.motions) > 1:
             return whole.merged()
         return *whole.merged(), *(staying(whole) if self.splits else whole.distinct())
@@ -259,7 +259,7 @@ class ToldRanges:
         if heard is None or np.isnan(heard.range).all():
             return [np.zeros((*one[0].shape[:2], self.network_size, 3)) for one in priors]
         centred = [(self._centred(state), covariance, likely) for state, covariance, likely in priors]
-        return judged(self.motions, centred, heard, self.space.axes, self._biases)
+        return judged_by(self.motions, centred, heard, self.space.axes, self._biases)
 
     @cached_property
     def _beginning(self) -> Beginning:
