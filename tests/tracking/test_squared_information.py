@@ -223,6 +223,7 @@ def test_the_network_linearises_after_averaging_where_priors_may_be_wide(overrid
     [
         (),
         PLANE,
+        ("agents.count=4", *PLANE),
         ("agents.positions=[[0,0,1],[5,0,1],[0,5,1],[5,5,1],[2,3,1],[3,2,1]]",),
         ("agents.count=3", "filter.planar_height=0"),
         ("agents.count=2",),
