@@ -17,6 +17,7 @@ from zenoh_cbef.tracking.elimination import BY_ELIMINATION
 from zenoh_cbef.tracking.filters import Abilities, abilities_of
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import BY_LIBRARY
+from zenoh_cbef.tracking.mirroring import Plane
 from zenoh_cbef.tracking.motion import Jump, LinearMotion, Motion
 from zenoh_cbef.tracking.ranging import Space
 
@@ -143,10 +144,11 @@ class Filtering(Meant):
         return self.abilities.biases and not unfit and bending.after(self.scenario, self.plain_motion, self.range_std)
 
     @alike
-    def plane(self) -> near_plane.Plane | None:
+    def plane(self) -> Plane | None:
         """The plane that agents are so near that they track target and mirror image until ranges tell them apart."""
-        single = self.squares or self.tells_ranges or self.bias != "none" or self.distrusts_others or self.distrusts_own
-        fits = not (single or self.models) and self.abilities.biases and self.motion.size == 2 * self.space.axes
+        single = self.squares or self.bias != "none" or self.distrusts_others or self.distrusts_own or self.models
+        fits = not single and self.abilities.biases and self.motion.size == 2 * self.space.axes
+        fits = self.scenario.filter.defaults > 25 if self.tells_ranges else fits
         return near_plane.plane(self.scenario, self.range_std, self.space.axes) if fits else None
 
     @alike
@@ -187,6 +189,7 @@ class Filtering(Meant):
             agrees=chosen.defaults > 15,
             fits=chosen.defaults > 15 and self.squares and self._leaps,
             plane=self.plane,
+            crosses=chosen.defaults > 25,
             space=self.space,
             range_std=self.range_std,
             xi=self.xi,

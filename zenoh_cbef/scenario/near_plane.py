@@ -7,10 +7,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.scenario import bending, paths, start, trust
 from zenoh_cbef.scenario.model import Scenario
-from zenoh_cbef.tracking.filters.finding.beside import APART
-
-Plane = tuple[tuple[float, ...], tuple[float, ...]]
-"""A point of it and its normal, by the estimated axes, m and 1."""
+from zenoh_cbef.tracking.mirroring import APART, Plane
 
 NEAR = 3.0
 """How far off it agents are, root mean square in units of the noise: a range tells mirror images apart by twice that at

@@ -115,7 +115,7 @@ def leaves_curves(scenario: Scenario, motions: Sequence[Motion], range_std: floa
         swift = agile.acceleration_std
         turns = swift <= turning_round(scenario) or isclose(swift, reversing(scenario))
         return turns or bend * sqrt(scenario.count) > bending.MOST
-    flat = near_plane.flat(scenario, range_std, agile.axes)
+    flat = (near_plane.flat if scenario.filter.defaults < 26 else bending.mirrored)(scenario, range_std, agile.axes)
     return not flat and bending.weakest(scenario, agile, range_std) > bending.STRAIGHT
 
 

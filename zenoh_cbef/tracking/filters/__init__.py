@@ -109,7 +109,7 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         if settings.scale_std:
             biased = AutoBias.sharing(biased, JointBiases.sharing(settings), _of_shares(settings))
         shared = biased if settings.bias == "estimate" else AutoBias.sharing(shared, biased, _of_biases(settings))
-    if settings.plane:
+    if settings.plane and not settings.tells_ranges:
         shared = replace(shared.longer(shared.payload_size + MirrorImages.more), blocks=shared.blocks * 2)
     more = (settings.recovers > 0.0) * Recovering.more + settings.distrusts * Distrusting.more
     more += (
@@ -212,7 +212,7 @@ def _bent(kind: str, settings: FilterSettings, chosen: Filter) -> Filter:
 
 def _begun(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:
     """A filter with its mirror image, where there is one, after a first fix."""
-    if settings.plane:
+    if settings.plane and not settings.tells_ranges:
         chosen = MirrorImages(chosen, settings)
     if not settings.first_fix:
         return chosen

@@ -10,6 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.damping import Damping
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion
+from zenoh_cbef.tracking.mirroring import Plane
 from zenoh_cbef.tracking.motion import BesideConstants, Motion
 from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Space
@@ -52,8 +53,10 @@ class FilterSettings:
     """Whether agents share squared ranges, and linearise what averaging leaves."""
     middle: tuple[float, ...] = (0.0, 0.0, 0.0)
     """A point near all agents, the same for all, m."""
-    plane: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    plane: Plane | None = None
     """A point of the plane that agents are near, and its normal; None: near none, or mirror images are no matter."""
+    crosses: bool = False
+    """Whether target and mirror image are told apart anew where the target crosses that plane."""
 
     # How the target moves.
     models: tuple[Motion, ...] = ()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from zenoh_cbef.tracking.filters.base import Belief, Filter, Update
 from zenoh_cbef.tracking.filters.rows import chosen
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import leading_trace
+from zenoh_cbef.tracking.mirroring import Plane, Sides, mirrored
 from zenoh_cbef.tracking.ranging import Measurement
 
 _CUT = 9.0
@@ -64,12 +64,25 @@ class MirrorImages(Wrapping):
         second = self.filter.conclude(np.ascontiguousarray(payload[:, split:-1]), there)
         gained = self.settings.network_size * np.nan_to_num(payload[:, -1])
         odds = np.fmax(np.fmin(odds + gained, _MOST), -_MOST)
-        return self._joined(first, second, odds)
+        return self._joined(*self._begun_anew(first, second, odds))
 
     def resumed(self, belief: Belief) -> Belief:
         """A belief of another filter and its mirror image."""
         first, second = (resumed(self.filter, one) for one in (belief, self.mirrored(belief)))
         return self._joined(first, second, np.zeros(len(belief.state)))
+
+    def near(self, belief: Belief) -> Bools:
+        """Which estimates (n,) are so near the plane that the target may leave it on either side."""
+        if not self.settings.crosses:
+            return np.zeros(len(belief.state), dtype=bool)
+        return Sides.of(belief.state, self._plane).unsure(belief.known_covariance)
+
+    def _begun_anew(self, first: Belief, second: Belief, odds: Floats) -> tuple[Belief, Belief, Floats]:
+        """Both beliefs, of which one is the other's mirror image, and as likely, where the target is near the plane."""
+        likelier = chosen(first, second, odds < 0.0)
+        near = self.near(likelier)
+        image = _image(likelier, self._plane)
+        return chosen(first, likelier, near), chosen(second, image, near), np.where(near, 0.0, odds)
 
     def _joined(self, first: Belief, second: Belief, odds: Floats) -> Belief:
         said = chosen(_plain(first), _plain(second), odds < 0.0)
@@ -77,24 +90,20 @@ class MirrorImages(Wrapping):
 
     def mirrored(self, belief: Belief) -> Belief:
         """State and covariance of the mirror image."""
-        return mirrored(belief, *self._plane)
+        return Belief(*mirrored(belief.state, belief.known_covariance, self._plane))
 
-    @cached_property
-    def _plane(self) -> tuple[Floats, Floats]:
-        plane = self.settings.plane
-        if plane is None:
+    @property
+    def _plane(self) -> Plane:
+        if self.settings.plane is None:
             raise ValueError("mirror images without a plane")
-        return np.array(plane[0]), np.array(plane[1])
+        return self.settings.plane
 
 
-def mirrored(belief: Belief, point: Floats, normal: Floats) -> Belief:
-    """State and covariance of the mirror image. point, normal: of the plane, by the estimated axes, m and 1."""
-    axes = len(normal)
-    turn = np.eye(axes) - 2.0 * normal[:, None] * normal
-    whole = np.kron(np.eye(belief.state.shape[1] // axes), turn)
-    state = np.add.reduce(whole * belief.state[:, None, :], axis=2)
-    state[:, :axes] += 2.0 * np.add.reduce(point * normal) * normal
-    return Belief(state, whole @ belief.known_covariance @ whole.T)
+def _image(belief: Belief, plane: Plane) -> Belief:
+    """The mirror image of a belief and of its parts."""
+    state, covariance = mirrored(belief.state, belief.known_covariance, plane)
+    parts = tuple(_image(one, plane) for one in belief.parts)
+    return replace(belief, state=state, covariance=covariance, parts=parts)
 
 
 def undecided(around: Filter, belief: Belief) -> Bools:
@@ -106,7 +115,7 @@ def undecided(around: Filter, belief: Belief) -> Bools:
             offset = (first.state - second.state)[:, :axes]
             variance = leading_trace(belief.known_covariance, axes)
             apart = np.add.reduce(offset * offset, axis=1) > _APART**2 * variance
-            return np.asarray(apart & (np.abs(belief.memory[0]) < _DECIDED))
+            return np.asarray((apart | around.near(belief)) & (np.abs(belief.memory[0]) < _DECIDED))
         around, belief = around.filter, belief.parts[0]
     return np.zeros(len(belief.state), dtype=bool)
 

@@ -10,9 +10,10 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Update
-from zenoh_cbef.tracking.filters.finding.beside import APART, Beside
+from zenoh_cbef.tracking.filters.finding.beside import Beside
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.linalg import pack_upper
+from zenoh_cbef.tracking.mirroring import APART
 from zenoh_cbef.tracking.ranging import Measurement
 from zenoh_cbef.tracking.status import ACQUIRING, LOST, TRACKING, Status, proof
 
@@ -80,7 +81,7 @@ class OneSide(Wrapping):
         state, told = self._centred(inner.state), self._average(payload[:, -more:])
         proves = self.settings.proves_sides
         beside = Beside.of(state, told, proves * _NEAR * self.settings.range_std)
-        unsure = beside.unsure(inner.known_covariance)
+        unsure = beside.sides.unsure(inner.known_covariance)
         if proves:
             guess = np.where(former.steps[:, None] > 0.0, guess, told[:, : guess.shape[1]])
             unsure |= (status.which == LOST) | (
@@ -110,7 +111,7 @@ class OneSide(Wrapping):
         std = np.sqrt(place**2 + strays)
         off = state[:, :axes] - age[:, None] * state[:, axes : 2 * axes] - guess
         there = np.add.reduce(off * off, axis=1) < (APART * std) ** 2
-        return np.asarray(there & beside.proved(age, std, speed))
+        return np.asarray(there & beside.sides.proved(age, std, speed))
 
     def _average(self, told: Floats) -> Floats:
         """Of agents that count."""

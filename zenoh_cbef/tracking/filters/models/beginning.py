@@ -8,11 +8,15 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.filters.models.mixtures import Priors
+from zenoh_cbef.tracking.mirroring import Plane, mirrored
 from zenoh_cbef.tracking.motion import Motion, begun
 from zenoh_cbef.tracking.switching import Gaussian
 
 _DOUBT = 0.01
 """How likely it is beforehand that the guesses are wrong, and the target may be anywhere."""
+
+_IMAGE = 0.1
+"""How likely the mirror image of a guess is beside it: agents that are near a plane do not know which side it told."""
 
 
 @dataclass(frozen=True)
@@ -20,13 +24,15 @@ class Beginning:
     """What is known before any range.
 
     motions: see `ToldRanges`. biases: how many stand beside the state of a single motion, own_std: of each, m.
-    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s).
+    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). plane: that agents
+    are near; None: they are near none.
     """
 
     motions: tuple[Motion, ...]
     biases: int
     own_std: float
     anywhere: tuple[Floats, Floats] | None
+    plane: Plane | None = None
 
     def of(self, state: Floats, covariance: Floats) -> Gaussian:
         """A place with what else the single motion has, and biases of which nothing is known yet."""
@@ -38,11 +44,19 @@ class Beginning:
         covariance[:, range(size, size + more), range(size, size + more)] = self.own_std**2
         return state, covariance
 
-    def or_anywhere(self, motion: Motion, priors: Priors) -> Priors:
-        """What is known of one motion, with where the target may be if the guesses are wrong in the second place."""
+    def elsewhere_too(self, motion: Motion, priors: Priors) -> Priors:
+        """What is known of one motion, first, with where the target may be if the guesses are wrong, second.
+
+        And third, where agents are near a plane, with the mirror image of the guess, which is as likely: both fit
+        ranges for long, so a guess on the wrong side would be believed.
+        """
         state, covariance, likelihood = (each.copy() for each in priors)
-        begins = begun(motion, *self._place) if len(self.motions) > 1 else self.of(*self._place)
-        state[:, 1], covariance[:, 1], likelihood[:, 1] = *begins, np.log(_DOUBT)
+        if self.anywhere is not None:
+            begins = begun(motion, *self._place) if len(self.motions) > 1 else self.of(*self._place)
+            state[:, 1], covariance[:, 1], likelihood[:, 1] = *begins, np.log(_DOUBT)
+        if self.plane is not None:
+            image = mirrored(state[:, 0], covariance[:, 0], self.plane)
+            state[:, 2], covariance[:, 2], likelihood[:, 2] = *image, likelihood[:, 0] + np.log(_IMAGE)
         return state, covariance, likelihood
 
     def elsewhere(self, count: int) -> Priors:

@@ -17,6 +17,7 @@ from zenoh_cbef.tracking.filters.models.abreast import Arrays, abreast
 from zenoh_cbef.tracking.filters.models.beginning import Beginning
 from zenoh_cbef.tracking.filters.models.branching import MOST, Branches, Heard, conditioned, judged_by
 from zenoh_cbef.tracking.filters.models.contending import Contest, apart, share, uncounted
+from zenoh_cbef.tracking.filters.models.imaging import with_images
 from zenoh_cbef.tracking.filters.models.mixtures import Priors, alike, elsewhere, mixture, predicted
 from zenoh_cbef.tracking.filters.models.own_range import about_target, said_of
 from zenoh_cbef.tracking.filters.models.slots import SLOT, Slots
@@ -24,6 +25,7 @@ from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with,
 from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import Rows, picked
 from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.mirroring import Plane
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.switching import Switching
@@ -52,7 +54,8 @@ class ToldRanges:
     range_std: sigma (m). network_size: n. middle: the point from which positions are counted, m. guesses: how many of
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity; 0: there are none. anywhere: where the target may be if the guesses are
-    wrong, state (1, s) and covariance (1, s, s). splits: how hypotheses are split over which ranges bend, of which
+    wrong, state (1, s) and covariance (1, s, s). plane: that agents are near, so that guesses do not tell a target from
+    its mirror image; None: near none. splits: how hypotheses are split over which ranges bend, of which
     several stay then; 0: none. least: ranges below it, m, are none. agrees: whether agents agree on the mean of their
     guesses before they predict it: a motion that is not linear leaves each of them another covariance otherwise.
     settled, ties, exact, compares, persists: see splitting.py, tying.py, branching.py, contending.py, persisting.py.
@@ -68,6 +71,7 @@ class ToldRanges:
     outliers: tuple[float, float] | None = None
     own_std: float = 0.0
     anywhere: tuple[Floats, Floats] | None = None
+    plane: Plane | None = None
     seeks: bool = False
     splits: int = 0
     settled: bool = False
@@ -167,7 +171,7 @@ class ToldRanges:
         prior, heard = (state, covariance, likely), Heard(*told)
         known = self.space.axes, self._biases, share(counts) if self.seeks else None, motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
-        parts = (split(one, heard, self.splits, settled=self.settled) for one in halves)
+        parts = (split(self._imaged(one), heard, self.splits, settled=self.settled) for one in halves)
         before = [Branches.of(one, *known, ties=self.ties, exact=self.exact) for one in parts]
         if self.seeks:
             where = self._elsewhere(len(counts))
@@ -178,6 +182,13 @@ class ToldRanges:
         if not self.splits and len(self.motions) > 1:
             return whole.merged()
         return *whole.merged(), *(staying(whole) if self.splits else whole.distinct())
+
+    def _imaged(self, priors: Priors) -> Priors:
+        """Hypotheses, counted from the middle, with their mirror images where they may be these."""
+        if self.plane is None:
+            return priors
+        point = tuple(one - middle for one, middle in zip(self.plane[0], self.middle, strict=True))
+        return with_images(priors, (point, self.plane[1]))
 
     def resumed(self, belief: Belief) -> Belief:
         """A belief of another filter, as this one carries it from step to step: it is no guess."""
@@ -238,10 +249,8 @@ class ToldRanges:
             parts = [(one.state, one.known_covariance) for one in belief.parts]
             ahead, mixed = self.switching.mixed(belief.known_chance, parts)
             priors = [alike(*one, 1 + begins) for one in mixed]
-        if begins and self.anywhere is not None:
-            priors = [
-                self._beginning.or_anywhere(motion, one) for motion, one in zip(self.motions, priors, strict=True)
-            ]
+        if begins:
+            priors = [self._beginning.elsewhere_too(*one) for one in zip(self.motions, priors, strict=True)]
         return ahead, priors
 
     def _predicted(self, priors: list[Priors]) -> list[Priors]:
@@ -263,7 +272,7 @@ class ToldRanges:
 
     @cached_property
     def _beginning(self) -> Beginning:
-        return Beginning(self.motions, self._more, self.own_std, self.anywhere)
+        return Beginning(self.motions, self._more, self.own_std, self.anywhere, self.plane)
 
     def _elsewhere(self, count: int) -> Priors:
         state, covariance, likelihood = self._beginning.elsewhere(count)
