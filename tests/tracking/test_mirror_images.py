@@ -10,12 +10,15 @@ from zenoh_cbef.scenario.load import load
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.diagnostics import Diagnostics
-from zenoh_cbef.tracking.filters.around.mirror_images import _cost, mirrored
-from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.around.mirror_images import _cost
+from zenoh_cbef.tracking.filters.base import Update
+from zenoh_cbef.tracking.mirroring import mirrored
 from zenoh_cbef.tracking.ranging import Space, own_range
 from zenoh_cbef.tracking.status import ACQUIRING, TRACKING
 
 CASE = cases()["near-a-plane-and-mirror-guess"]
+APART = "filter.defaults=25"
+"""Rules by which few agents do not tell each other their ranges here."""
 TILTED = "agents.positions=[[0,0,-0.2],[9,0,9.3],[0,8,0.2],[7,-8,6.8],[-6,5,-6.2],[-9,-3,-8.8]]"
 
 
@@ -25,7 +28,7 @@ def off(trace):
 
 
 def test_ranges_decide_the_side_and_till_then_agents_acquire():
-    (trace,) = simulate([scenario_of(CASE, ["steps=120", "seed=1001"])])
+    (trace,) = simulate([scenario_of(CASE, ["steps=120", "seed=1001", APART])])
     error, said = off(trace)
     assert (said[:, :20] == ACQUIRING).all()
     assert error[:, 19].min() > 3.0  # The fix believes the guess.
@@ -57,38 +60,58 @@ def test_agents_in_a_plane_have_one_filter(rules, squares):
         (("agents.low=[-10,-10,-0.6]", "agents.high=[10,10,0.6]"), None),
         (("agents.low=[-10,-0.5,0]", "agents.high=[10,0.5,0]", "filter.planar_height=0"), [0, 1]),
         ((TILTED,), [0.5**0.5, 0, -(0.5**0.5)]),
-        ((TILTED, "filter.defaults=8"), None),
         ((TILTED, "filter.kind=ci"), None),
         ((TILTED, "filter.recovery=true"), None),
         ((TILTED, "sensor.bias=0.5"), None),
-        ((TILTED, "target.motion=circle"), None),
         ((TILTED, "agents.count=3"), None),
     ],
 )
 def test_where_agents_are_near_a_plane(more, normal):
-    plan = Plan(load("tracking", more).scenario)
-    assert (plan.plane is None) is (normal is None)
-    if normal is not None and plan.plane is not None:
+    for rules in (25, 26):
+        plan = Plan(load("tracking", [*more, f"filter.defaults={rules}"]).scenario)
+        assert (plan.plane is None) is (normal is None)
+        if normal is None or plan.plane is None:
+            continue
         assert abs(np.dot(plan.plane[1], normal)) == pytest.approx(1.0, abs=2e-3)
-        assert plan.sharing.blocks == (2 * len(normal),) * 2
+        # Two filters that average information, or hypotheses, where ranges bend over what they leave open.
+        assert plan.tells_ranges is (rules > 25 and TILTED not in more)
+        assert plan.tells_ranges or plan.sharing.blocks == (2 * len(normal),) * 2
+
+
+@pytest.mark.parametrize(
+    ("more", "near", "told"),
+    [
+        (("filter.defaults=8",), False, False),
+        (("agents.count=6", "target.motion=circle", "filter.defaults=25"), False, True),
+        (("target.motion=circle",), True, True),
+        (("consensus.rounds=3",), True, False),
+    ],
+)
+def test_who_keeps_mirror_images_and_how(more, near, told):
+    plan = Plan(load("tracking", [TILTED, *more]).scenario)
+    assert (plan.plane is not None, plan.tells_ranges) == (near, told)
 
 
 def test_a_mirror_image_is_as_far_from_the_plane_and_has_the_same_ranges_from_it():
     random = np.random.default_rng(2)
-    normal, point = np.array([0.6, 0.0, 0.8]), np.array([1.0, 2.0, 3.0])
+    normal, point = (0.6, 0.0, 0.8), (1.0, 2.0, 3.0)
     root = random.normal(size=(1, 6, 6))
-    belief = Belief(random.normal(size=(1, 6)), root @ root.swapaxes(1, 2))
-    image = mirrored(belief, point, normal)
-    back = mirrored(image, point, normal)
-    np.testing.assert_allclose(back.state, belief.state)
-    np.testing.assert_allclose(back.known_covariance, belief.known_covariance)
+    belief = random.normal(size=(1, 6)), root @ root.swapaxes(1, 2)
+    image = mirrored(*belief, (point, normal))
+    for there, here in zip(mirrored(*image, (point, normal)), belief, strict=True):
+        np.testing.assert_allclose(there, here)
     agent = point + np.cross(normal, random.normal(size=3))
-    here, there = (own_range(Space(), one.state, agent[None], np.array([0.3])) for one in (belief, image))
-    assert here[0] == pytest.approx(there[0])
-    spreads = [
-        row @ one.known_covariance[0] @ row.T for one, (_, row) in zip((belief, image), (here, there), strict=True)
-    ]
+    told = [own_range(Space(), state, agent[None], np.array([0.3])) for state, _ in (belief, image)]
+    assert told[0][0] == pytest.approx(told[1][0])
+    spreads = [row @ one[1][0] @ row.T for one, (_, row) in zip((belief, image), told, strict=True)]
     assert spreads[0] == pytest.approx(spreads[1])
+
+
+def test_a_turn_rate_and_biases_have_no_mirror_image():
+    state = np.arange(1.0, 10.0)[None]
+    image, spread = mirrored(state, np.diag(state[0])[None], ((0.0, 0.0, 1.0), (0.0, 0.0, 1.0)))
+    np.testing.assert_array_equal(image, [[1, 2, -1, 4, 5, -6, 7, 8, 9]])
+    np.testing.assert_array_equal(spread, np.diag(state[0])[None])
 
 
 def test_how_unlikely_a_range_was_is_that_of_a_gaussian_with_a_cut_square_and_nothing_without_one():

@@ -26,11 +26,15 @@ class Model(Table):
     turn_rate_change: Factor | None = None
 
 
+NEWEST = 26
+"""The rules that a scenario is of which names none."""
+
+
 class Filter(Table):
     """The estimation filter and its settings. None: the value follows from target and sensor."""
 
     kind: str = "sicf"
-    defaults: Literal[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26] = 26
+    defaults: Annotated[int, Field(ge=1, le=NEWEST)] = NEWEST
     """The rules by which `auto` and None decide, 1 those of version 0.2.0 and before it.
 
     Logs hold `auto` as such, so a change of what it means is a new number, and old logs keep theirs (see legacy.py).

@@ -61,9 +61,8 @@ class Filtering(Meant):
     def _leaps(self) -> bool:
         """Whether one motion that leaps in this way stands for several.
 
-        That is where biases leave room for one, or agents do not tell each other their ranges: each would linearise its
-        own at the agile motion's prior, over which ranges bend. Squared ranges are of one motion. But at such a prior
-        no agent alone tells a wrong range, nor the network the side of a plane.
+        Where biases leave room for one, or agents do not tell each other their ranges: each would linearise its own at
+        an agile prior, over which it bends. But there no agent alone tells a wrong range, nor the network a side.
         """
         if self.tells_ranges:
             return self._may_leap and not self._switches
@@ -73,9 +72,8 @@ class Filtering(Meant):
     @alike
     def _switches(self) -> bool:
         """Whether the filter assumes that the target switches between motions."""
-        biased = trust.may_be_biased(self.scenario) and self.scenario.filter.bias != "none"
         single = self.distrusts_others or (self.scenario.filter.recovery is True and self.scenario.filter.defaults < 4)
-        single |= biased and not telling.tells_biased(self.scenario, self.space.axes)
+        single |= telling.needs_biases(self.scenario, self.range_std, self.space.axes)
         return switches(self.scenario, alone=single or not self.abilities.models)
 
     @alike
@@ -109,7 +107,7 @@ class Filtering(Meant):
 
     @alike
     def plain_motion(self) -> LinearMotion:
-        """What smoothing and predictions are computed with, which are of linear models in position and velocity."""
+        """What smoothing and predictions are computed with: linear, in position and velocity."""
         return plain_motion((self.motion,), self.motion)
 
     @alike
@@ -146,10 +144,10 @@ class Filtering(Meant):
     @alike
     def plane(self) -> Plane | None:
         """The plane that agents are so near that they track target and mirror image until ranges tell them apart."""
+        told, axes = self.tells_ranges, self.space.axes
         single = self.squares or self.bias != "none" or self.distrusts_others or self.distrusts_own or self.models
-        fits = not single and self.abilities.biases and self.motion.size == 2 * self.space.axes
-        fits = self.scenario.filter.defaults > 25 if self.tells_ranges else fits
-        return near_plane.plane(self.scenario, self.range_std, self.space.axes) if fits else None
+        fits = told or (not single and self.abilities.biases and self.motion.size == 2 * axes)
+        return near_plane.plane(self.scenario, self.range_std, axes, told=told) if fits else None
 
     @alike
     def power(self) -> int:
@@ -258,7 +256,6 @@ class Filtering(Meant):
             deciding=start.deciding(scenario, window),
             drifts=network.parts(scenario) or not (chosen.defaults > 15 and self.models and self.splits),
             awaits=chosen.defaults > (22 if trust.real(scenario) else 15),
-            # At turns among ranges that may be wrong an estimate is unsure for some steps, though no range is missing.
             bends=chosen.defaults > 7 and not (tells or (self.models and settings.weighed)),
             prompt=chosen.defaults > 8 and not trust.real(scenario),
             supposes=pauses and start.supposes(scenario, window),

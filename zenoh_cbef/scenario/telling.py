@@ -7,7 +7,7 @@ from math import isclose, sqrt
 
 import numpy as np
 
-from zenoh_cbef.scenario import bending, near_plane, network, start, trust
+from zenoh_cbef.scenario import bending, near_plane, network, start, trust, weighing
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.motion import reversing, turning_round
 from zenoh_cbef.tracking.filters import abilities_of
@@ -58,8 +58,25 @@ def tells_biased(scenario: Scenario, axes: int) -> bool:
     What they share otherwise is the information of one motion.
     """
     biased = trust.tells_biases(scenario) and trust.shares_biases(scenario)
-    told = biased and _everywhere(scenario) and _may(scenario, axes + 1, several=True)
+    # Hypotheses that stay need no agent more than there are axes: biases are told, and so is what agents guess.
+    least = axes if scenario.filter.defaults > 25 else axes + 1
+    told = biased and _everywhere(scenario) and _may(scenario, least, several=True)
     return told and scenario.filter.defaults > 15
+
+
+def needs_biases(scenario: Scenario, range_std: float, axes: int) -> bool:
+    """Whether ranges of a target that turns may be lastingly wrong, as only one motion with biases beside it explains.
+
+    Several motions explain biases of which the scenario tells, where agents tell each other their ranges. And those of
+    receivers with larger faults, as ranges that are wrong, where each agent weighs how likely that is; by the
+    twenty-fifth rules they did not. range_std: m.
+    """
+    if not trust.may_be_biased(scenario) or scenario.filter.bias == "none" or tells_biased(scenario, axes):
+        return False
+    sensor = scenario.sensor
+    constant = trust.real(scenario) or sensor.bias_std > 0.0 or np.any(np.array(sensor.bias))
+    weighs = weighing.weighed_errors(scenario, range_std, several=True) is not None and scenario.filter.defaults > 25
+    return bool(constant or trust.hidden_bias(scenario) or not weighs)
 
 
 def _may(scenario: Scenario, least: int, *, several: bool) -> bool:

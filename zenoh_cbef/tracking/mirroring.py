@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -40,6 +41,16 @@ class Sides:
 
     def unsure(self, covariance: Floats) -> Bools:
         """Which estimates with these covariances (n, s, s) may be their own mirror images."""
+        apart, spread = self._apart(covariance)
+        return np.asarray(4.0 * apart < APART**2 * spread)
+
+    def likelier(self, covariance: Floats) -> Floats:
+        """The logarithm of how many times likelier estimates are than their mirror images, (n,), by what they claim."""
+        apart, spread = self._apart(covariance)
+        return np.asarray(2.0 * apart / np.maximum(spread, np.finfo(np.float64).tiny))
+
+    def _apart(self, covariance: Floats) -> tuple[Floats, Floats]:
+        """y^T adj(Y) y and det Y of y = (height, rise) and its covariance Y, (n,) each."""
         axes = self.normal.shape[1]
 
         def variance(one: int, other: int) -> Floats:
@@ -48,7 +59,7 @@ class Sides:
 
         first, both, second = variance(0, 0), variance(0, axes), variance(axes, axes)
         apart = self.height**2 * second - 2.0 * self.height * self.rise * both + self.rise**2 * first
-        return np.asarray(4.0 * apart < APART**2 * (first * second - both * both))
+        return np.asarray(apart), np.asarray(first * second - both * both)
 
     def proved(self, age: Floats, place: Floats, speed: float) -> Bools:
         """Whether a guess with these deviations, (n,) m and m/s, that is so old, (n,) s, tells the side."""
@@ -64,3 +75,8 @@ def mirrored(state: Floats, covariance: Floats, plane: Plane) -> tuple[Floats, F
     image = np.add.reduce(whole * state[:, None, :], axis=2)
     image[:, :axes] += 2.0 * np.add.reduce(point * normal) * normal
     return image, whole @ covariance @ whole.T
+
+
+def seen_from(plane: Plane | None, middle: Sequence[float]) -> Plane | None:
+    """The same plane, its point counted from a point in the middle, m; None: none."""
+    return plane and (tuple(one - other for one, other in zip(plane[0], middle, strict=True)), plane[1])

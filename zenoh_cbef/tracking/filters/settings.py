@@ -186,7 +186,9 @@ class FilterSettings:
     awaits: bool = False
     """Whether another fix after coasting waits for ranges that came meanwhile."""
     bends: bool = False
-    """Whether agents coast no further than ranges are straight lines."""
+    """Whether agents coast no further than ranges are straight lines. Not where the target turns among ranges that may
+    be wrong: an estimate is unsure there for some steps, though no range is missing.
+    """
     damping: Damping | None = None
     """Of the corrections of a fix; None: they are as large as ranges ask for."""
     reacquires: int = 0

@@ -78,11 +78,14 @@ class MirrorImages(Wrapping):
         return Sides.of(belief.state, self._plane).unsure(belief.known_covariance)
 
     def _begun_anew(self, first: Belief, second: Belief, odds: Floats) -> tuple[Belief, Belief, Floats]:
-        """Both beliefs, of which one is the other's mirror image, and as likely, where the target is near the plane."""
+        """Both beliefs, of which one is the other's mirror image where the target is near the plane, and odds of these.
+
+        How the target came tells on which side it leaves, but no better than the likelier belief has it.
+        """
         likelier = chosen(first, second, odds < 0.0)
-        near = self.near(likelier)
-        image = _image(likelier, self._plane)
-        return chosen(first, likelier, near), chosen(second, image, near), np.where(near, 0.0, odds)
+        near, image = self.near(likelier), _image(likelier, self._plane)
+        known = np.fmin(np.abs(odds), Sides.of(likelier.state, self._plane).likelier(likelier.known_covariance))
+        return chosen(first, likelier, near), chosen(second, image, near), np.where(near, known, odds)
 
     def _joined(self, first: Belief, second: Belief, odds: Floats) -> Belief:
         said = chosen(_plain(first), _plain(second), odds < 0.0)

@@ -24,8 +24,8 @@ class Beginning:
     """What is known before any range.
 
     motions: see `ToldRanges`. biases: how many stand beside the state of a single motion, own_std: of each, m.
-    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). plane: that agents
-    are near; None: they are near none.
+    anywhere: where the target may be if the guesses are wrong, state (1, s) and covariance (1, s, s). plane: near which
+    agents are; None: none.
     """
 
     motions: tuple[Motion, ...]

@@ -10,6 +10,7 @@ from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.information_form import variance_of
 from zenoh_cbef.tracking.filters.models.branching import Heard
+from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.ranging import Measurement, Space
 
 SLOT = 7
@@ -34,6 +35,12 @@ class Slots:
     middle: tuple[float, ...]
     network_size: int
     least: float = -np.inf
+
+    def of(self, measurement: Measurement) -> Rows:
+        """Which place each agent has in a payload, (n,)."""
+        if measurement.agent is None:
+            raise ValueError("agents that tell each other their ranges have to know their numbers")
+        return measurement.agent.astype(np.intp) % self.network_size
 
     def told(self, measurement: Measurement) -> Floats:
         """What agents tell, (n, SLOT): zeros where they have no range."""

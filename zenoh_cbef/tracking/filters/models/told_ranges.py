@@ -25,7 +25,7 @@ from zenoh_cbef.tracking.filters.models.splitting import MANY, STAY, begun_with,
 from zenoh_cbef.tracking.filters.models.tying import tied
 from zenoh_cbef.tracking.filters.rows import Rows, picked
 from zenoh_cbef.tracking.filters.settings import FilterSettings
-from zenoh_cbef.tracking.mirroring import Plane
+from zenoh_cbef.tracking.mirroring import Plane, seen_from
 from zenoh_cbef.tracking.motion import Motion
 from zenoh_cbef.tracking.ranging import Measurement, Space
 from zenoh_cbef.tracking.switching import Switching
@@ -119,7 +119,7 @@ class ToldRanges:
         counts = belief.memory[3] if self.seeks and belief.memory else uncounted(len(belief.state))
         ahead, begun = self._begun(belief)
         priors, former = self._predicted(begun), self._former(begun, belief)
-        own, count = self._own(measurement), len(ahead)
+        own, count = self._slots.of(measurement), len(ahead)
         slots = np.zeros((count, self.network_size, SLOT))
         slots[np.arange(count), own] = self._slots.told(measurement)
         guess, spread = belief.state[:, : self._told], belief.known_covariance[:, : self._told, : self._told]
@@ -171,7 +171,7 @@ class ToldRanges:
         prior, heard = (state, covariance, likely), Heard(*told)
         known = self.space.axes, self._biases, share(counts) if self.seeks else None, motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
-        parts = (split(self._imaged(one), heard, self.splits, settled=self.settled) for one in halves)
+        parts = (split(with_images(one, self._near), heard, self.splits, settled=self.settled) for one in halves)
         before = [Branches.of(one, *known, ties=self.ties, exact=self.exact) for one in parts]
         if self.seeks:
             where = self._elsewhere(len(counts))
@@ -182,13 +182,6 @@ class ToldRanges:
         if not self.splits and len(self.motions) > 1:
             return whole.merged()
         return *whole.merged(), *(staying(whole) if self.splits else whole.distinct())
-
-    def _imaged(self, priors: Priors) -> Priors:
-        """Hypotheses, counted from the middle, with their mirror images where they may be these."""
-        if self.plane is None:
-            return priors
-        point = tuple(one - middle for one, middle in zip(self.plane[0], self.middle, strict=True))
-        return with_images(priors, (point, self.plane[1]))
 
     def resumed(self, belief: Belief) -> Belief:
         """A belief of another filter, as this one carries it from step to step: it is no guess."""
@@ -220,6 +213,10 @@ class ToldRanges:
     @cached_property
     def _slots(self) -> Slots:
         return Slots(self.space, self.range_std, self.middle, self.network_size, self.least)
+
+    @cached_property
+    def _near(self) -> Plane | None:
+        return seen_from(self.plane, self.middle)
 
     @cached_property
     def _contest(self) -> Contest:
@@ -277,12 +274,6 @@ class ToldRanges:
     def _elsewhere(self, count: int) -> Priors:
         state, covariance, likelihood = self._beginning.elsewhere(count)
         return self._centred(state), covariance, likelihood
-
-    def _own(self, measurement: Measurement) -> Rows:
-        """The agents' places in a payload, (n,)."""
-        if measurement.agent is None:
-            raise ValueError("agents that tell each other their ranges have to know their numbers")
-        return measurement.agent.astype(np.intp) % self.network_size
 
     def _diagnosed(
         self, ahead: Floats, priors: list[Priors], new: Measurement, own: Rows, share_: Floats | None
