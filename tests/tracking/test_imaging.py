@@ -64,6 +64,7 @@ def test_a_plane_is_counted_from_the_middle_as_states_are():
     [
         ("flat-box-and-crossing", 1005),
         ("many-agents-flat-box-and-crossing", 1019),
+        ("many-agents-circle-near-a-plane-and-mirror-guess", 1001),
         ("circle-near-a-plane-and-mirror-guess", 1001),
     ],
 )

@@ -85,6 +85,8 @@ def test_where_agents_are_near_a_plane(more, normal):
         (("agents.count=6", "target.motion=circle", "filter.defaults=25"), False, True),
         (("target.motion=circle",), True, True),
         (("consensus.rounds=3",), True, False),
+        (("target.motion=circle", "consensus.rounds=3"), True, False),
+        (("target.motion=circle", "consensus.rounds=3", "filter.defaults=25"), False, False),
     ],
 )
 def test_who_keeps_mirror_images_and_how(more, near, told):

@@ -72,8 +72,7 @@ class Filtering(Meant):
     @alike
     def _switches(self) -> bool:
         """Whether the filter assumes that the target switches between motions."""
-        single = self.distrusts_others or (self.scenario.filter.recovery is True and self.scenario.filter.defaults < 4)
-        single |= telling.needs_biases(self.scenario, self.range_std, self.space.axes)
+        single = self.distrusts_others or telling.needs_biases(self.scenario, self.range_std, self.space.axes)
         return switches(self.scenario, alone=single or not self.abilities.models)
 
     @alike
@@ -144,10 +143,11 @@ class Filtering(Meant):
     @alike
     def plane(self) -> Plane | None:
         """The plane that agents are so near that they track target and mirror image until ranges tell them apart."""
-        told, axes = self.tells_ranges, self.space.axes
-        single = self.squares or self.bias != "none" or self.distrusts_others or self.distrusts_own or self.models
-        fits = told or (not single and self.abilities.biases and self.motion.size == 2 * axes)
-        return near_plane.plane(self.scenario, self.range_std, axes, told=told) if fits else None
+        single = self.squares or self.bias != "none" or self.distrusts_others or self.distrusts_own
+        told, several = self.tells_ranges, self.tells_ranges or bool(self.models)
+        usual = several or self.motion.size == 2 * self.space.axes
+        known = told or (usual and not single and self.abilities.biases)
+        return near_plane.plane(self.scenario, self.range_std, self.space.axes, several=several) if known else None
 
     @alike
     def power(self) -> int:

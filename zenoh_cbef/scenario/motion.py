@@ -57,6 +57,7 @@ def switches(scenario: Scenario, *, alone: bool) -> bool:
     if chosen.motion != "auto" or chosen.defaults == 1:
         return chosen.motion == "imm"
     emulated = target.motion not in ("ncv", "dataset")
+    alone |= chosen.recovery is True and chosen.defaults < 4
     return emulated and chosen.acceleration_std is None and not alone
 
 

@@ -23,15 +23,15 @@ def flat(scenario: Scenario, range_std: float, axes: int) -> bool:
     return bending.mirrored(scenario, range_std, axes) or plane(scenario, range_std, axes) is not None
 
 
-def plane(scenario: Scenario, range_std: float, axes: int, *, told: bool = False) -> Plane | None:
+def plane(scenario: Scenario, range_std: float, axes: int, *, several: bool = False) -> Plane | None:
     """The plane (or of two axes the line) that resting agents are near, wherever a seed places them; None: none.
 
-    Agents in one plane are another matter (bending.py, one_side.py). range_std: m. told: whether they tell each other
-    their ranges, which by the twenty-fifth rules did not go with mirror images.
+    Agents in one plane are another matter (bending.py, one_side.py). range_std: m. several: whether they keep several
+    hypotheses, or assume several motions, which by the twenty-fifth rules did not go with mirror images.
     """
     agents = scenario.agents
     unfit = (
-        scenario.filter.defaults < (26 if told else 9)
+        scenario.filter.defaults < (26 if several else 9)
         or trust.recovers(scenario)
         or trust.real(scenario)
         or scenario.consensus.rounds == 0

@@ -109,12 +109,15 @@ def sharing_of(kind: str, settings: FilterSettings) -> Sharing:
         if settings.scale_std:
             biased = AutoBias.sharing(biased, JointBiases.sharing(settings), _of_shares(settings))
         shared = biased if settings.bias == "estimate" else AutoBias.sharing(shared, biased, _of_biases(settings))
+    shared = shared.longer(
+        (settings.recovers > 0.0) * Recovering.more
+        + settings.distrusts * Distrusting.more
+        + Bursts.wanted(settings) * Bursts.more
+    )
     if settings.plane and not settings.tells_ranges:
         shared = replace(shared.longer(shared.payload_size + MirrorImages.more), blocks=shared.blocks * 2)
-    more = (settings.recovers > 0.0) * Recovering.more + settings.distrusts * Distrusting.more
-    more += (
-        Bursts.wanted(settings) * Bursts.more
-        + LastingErrors.numbers(settings)
+    more = (
+        LastingErrors.numbers(settings)
         + DoubtedNoise.numbers(settings)
         + settings.says_status * Knowing.numbers(settings)
         + (settings.reacquires > 0) * Reacquiring.more

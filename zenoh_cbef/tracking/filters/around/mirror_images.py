@@ -19,8 +19,10 @@ from zenoh_cbef.tracking.ranging import Measurement
 _CUT = 9.0
 """Where a NIS is cut off, so that a single outlier does not decide."""
 
-_DECIDED = 5.0
-"""Logarithm of how many times likelier a hypothesis is that the network believes."""
+_DECIDED, _ONCE = 8.0, 5.0
+"""Logarithm of how many times likelier a hypothesis is that the network believes: today, and by the rules before, by
+which chance decided for the wrong side in some seeds of fifty.
+"""
 
 _MOST = 20.0
 """Where that logarithm is cut off, so that a target which crosses the plane is not held on the wrong side for long."""
@@ -38,7 +40,7 @@ class MirrorImages(Wrapping):
 
     Ranges of agents in one plane fit a place and its mirror image. Of agents near one, both fit for long, and a filter
     that linearises at the wrong one stays there and is sure of it. So both go on, and L is the logarithm of how many
-    times likelier the network's ranges made the first. An agent reports the likelier one, and while |L| < 5, and the
+    times likelier the network's ranges made the first. An agent reports the likelier one, and while |L| < 8, and the
     two places are more than five claimed errors apart, it does not know which it is (`undecided`). It costs a second
     filter's payload, so it is for agents near a plane alone, or near a line in a plane.
     """
@@ -117,8 +119,10 @@ def undecided(around: Filter, belief: Belief) -> Bools:
             axes = around.settings.space.axes
             offset = (first.state - second.state)[:, :axes]
             variance = leading_trace(belief.known_covariance, axes)
-            apart = np.add.reduce(offset * offset, axis=1) > _APART**2 * variance
-            return np.asarray((apart | around.near(belief)) & (np.abs(belief.memory[0]) < _DECIDED))
+            open_ = np.add.reduce(offset * offset, axis=1) > _APART**2 * variance
+            # Several motions are ready for a turn at any moment, so what they claim near the plane is wide enough.
+            open_ |= around.near(belief) & (not around.settings.models)
+            return np.asarray(open_ & (np.abs(belief.memory[0]) < (_DECIDED if around.settings.crosses else _ONCE)))
         around, belief = around.filter, belief.parts[0]
     return np.zeros(len(belief.state), dtype=bool)
 
