@@ -71,12 +71,12 @@ def needs_biases(scenario: Scenario, range_std: float, axes: int) -> bool:
     receivers with larger faults, as ranges that are wrong, where each agent weighs how likely that is; by the
     twenty-fifth rules they did not. range_std: m.
     """
-    if not trust.may_be_biased(scenario) or scenario.filter.bias == "none" or tells_biased(scenario, axes):
+    chosen, sensor = scenario.filter, scenario.sensor
+    if not trust.may_be_biased(scenario) or chosen.bias == "none" or tells_biased(scenario, axes):
         return False
-    sensor = scenario.sensor
-    constant = trust.real(scenario) or sensor.bias_std > 0.0 or np.any(np.array(sensor.bias))
-    weighs = weighing.weighed_errors(scenario, range_std, several=True) is not None and scenario.filter.defaults > 25
-    return bool(constant or trust.hidden_bias(scenario) or not weighs)
+    constant = trust.real(scenario) or sensor.bias_std > 0.0 or bool(np.any(np.array(sensor.bias)))
+    wrong = not (constant or trust.hidden_bias(scenario)) and chosen.bias == "auto" and chosen.defaults > 25
+    return not (wrong and weighing.weighed_errors(scenario, range_std, several=True))
 
 
 def _may(scenario: Scenario, least: int, *, several: bool) -> bool:

@@ -19,7 +19,7 @@ from zenoh_cbef.tracking.ranging import Measurement
 _CUT = 9.0
 """Where a NIS is cut off, so that a single outlier does not decide."""
 
-_DECIDED, _ONCE = 8.0, 5.0
+_DECIDED, _FORMERLY = 8.0, 5.0
 """Logarithm of how many times likelier a hypothesis is that the network believes: today, and by the rules before, by
 which chance decided for the wrong side in some seeds of fifty.
 """
@@ -41,7 +41,8 @@ class MirrorImages(Wrapping):
     Ranges of agents in one plane fit a place and its mirror image. Of agents near one, both fit for long, and a filter
     that linearises at the wrong one stays there and is sure of it. So both go on, and L is the logarithm of how many
     times likelier the network's ranges made the first. An agent reports the likelier one, and while |L| < 8, and the
-    two places are more than five claimed errors apart, it does not know which it is (`undecided`). It costs a second
+    two places are more than five claimed errors apart, it does not know which it is (`undecided`). Where the likelier
+    one is so near the plane that it may be its own mirror image, the other one begins anew at that. It costs a second
     filter's payload, so it is for agents near a plane alone, or near a line in a plane.
     """
 
@@ -122,7 +123,7 @@ def undecided(around: Filter, belief: Belief) -> Bools:
             open_ = np.add.reduce(offset * offset, axis=1) > _APART**2 * variance
             # Several motions are ready for a turn at any moment, so what they claim near the plane is wide enough.
             open_ |= around.near(belief) & (not around.settings.models)
-            return np.asarray(open_ & (np.abs(belief.memory[0]) < (_DECIDED if around.settings.crosses else _ONCE)))
+            return np.asarray(open_ & (np.abs(belief.memory[0]) < (_DECIDED if around.settings.crosses else _FORMERLY)))
         around, belief = around.filter, belief.parts[0]
     return np.zeros(len(belief.state), dtype=bool)
 

@@ -16,7 +16,7 @@ _DOUBT = 0.01
 """How likely it is beforehand that the guesses are wrong, and the target may be anywhere."""
 
 _IMAGE = 0.1
-"""How likely the mirror image of a guess is beside it: agents that are near a plane do not know which side it told."""
+"""How likely the mirror image of a guess is beside it: enough for what is claimed to hold both, until ranges tell."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class Beginning:
     def elsewhere_too(self, motion: Motion, priors: Priors) -> Priors:
         """What is known of one motion, first, with where the target may be if the guesses are wrong, second.
 
-        And third, where agents are near a plane, with the mirror image of the guess, which is as likely: both fit
-        ranges for long, so a guess on the wrong side would be believed.
+        And third, where agents are near a plane, with the mirror image of the guess: both fit ranges for long, so a
+        guess on the wrong side would be believed.
         """
         state, covariance, likelihood = (each.copy() for each in priors)
         if self.anywhere is not None:
