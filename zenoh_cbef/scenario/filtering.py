@@ -62,7 +62,7 @@ class Filtering(Meant):
         """Whether one motion that leaps in this way stands for several.
 
         Where biases leave room for one, or agents do not tell each other their ranges: each would linearise its own at
-        an agile prior, over which it bends. But there no agent alone tells a wrong range, nor the network a side.
+        an agile prior, over which it bends. There no agent alone tells a wrong range, nor all the side of a plane.
         """
         if self.tells_ranges:
             return self._may_leap and not self._switches

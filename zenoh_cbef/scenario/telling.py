@@ -58,7 +58,7 @@ def tells_biased(scenario: Scenario, axes: int) -> bool:
     What they share otherwise is the information of one motion.
     """
     biased = trust.tells_biases(scenario) and trust.shares_biases(scenario)
-    # Hypotheses that stay need no agent more than there are axes: biases are told, and so is what agents guess.
+    # Hypotheses that stay need no agent beyond those that tell a place.
     least = axes if scenario.filter.defaults > 25 else axes + 1
     told = biased and _everywhere(scenario) and _may(scenario, least, several=True)
     return told and scenario.filter.defaults > 15

@@ -56,7 +56,7 @@ class FilterSettings:
     plane: Plane | None = None
     """A point of the plane that agents are near, and its normal; None: near none, or mirror images are no matter."""
     crosses: bool = False
-    """Whether target and mirror image are told apart anew where the target crosses that plane."""
+    """Whether target and mirror image are told apart anew where the target crosses that plane, and by more ranges."""
 
     # How the target moves.
     models: tuple[Motion, ...] = ()

@@ -86,7 +86,10 @@ class MirrorImages(Wrapping):
         How the target came tells on which side it leaves, but no better than the likelier belief has it.
         """
         likelier = chosen(first, second, odds < 0.0)
-        near, image = self.near(likelier), _image(likelier, self._plane)
+        near = self.near(likelier)
+        if not near.any():
+            return first, second, odds
+        image = _image(likelier, self._plane)
         known = np.fmin(np.abs(odds), Sides.of(likelier.state, self._plane).likelier(likelier.known_covariance))
         return chosen(first, likelier, near), chosen(second, image, near), np.where(near, known, odds)
 
@@ -120,10 +123,11 @@ def undecided(around: Filter, belief: Belief) -> Bools:
             axes = around.settings.space.axes
             offset = (first.state - second.state)[:, :axes]
             variance = leading_trace(belief.known_covariance, axes)
-            open_ = np.add.reduce(offset * offset, axis=1) > _APART**2 * variance
-            # Several motions are ready for a turn at any moment, so what they claim near the plane is wide enough.
-            open_ |= around.near(belief) & (not around.settings.models)
-            return np.asarray(open_ & (np.abs(belief.memory[0]) < (_DECIDED if around.settings.crosses else _FORMERLY)))
+            two = np.add.reduce(offset * offset, axis=1) > _APART**2 * variance
+            # Agents of several motions would hardly ever track a target in the plane, and be as often falsely sure.
+            two |= around.near(belief) & (not around.settings.models)
+            decided = _DECIDED if around.settings.crosses else _FORMERLY
+            return np.asarray(two & (np.abs(belief.memory[0]) < decided))
         around, belief = around.filter, belief.parts[0]
     return np.zeros(len(belief.state), dtype=bool)
 
