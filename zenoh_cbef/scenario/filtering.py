@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.faults import Absences
 from zenoh_cbef.scenario import bending, near_plane, network, start, telling, trust, weighing
@@ -183,6 +181,7 @@ class Filtering(Meant):
             settled=chosen.defaults > 22,
             ties=self._may_leap,
             exact=chosen.defaults > 16 and bool(self.models),
+            adds=chosen.defaults > 26,
             persists=chosen.defaults > 24 and bool(self.models) and start.outliers(scenario) is None,
             agrees=chosen.defaults > 15,
             fits=chosen.defaults > 15 and self.squares and self._leaps,
@@ -196,7 +195,7 @@ class Filtering(Meant):
             differenced=chosen.measurement == "difference",
             power=self.power,
             widens=weighing.widens(scenario, power=self.power, wide=bool(self.models) or self.squares),
-            least=0.0 if chosen.defaults > 14 else -np.inf,
+            least=0.0 if chosen.defaults > 14 else float("-inf"),
             options=chosen.options or {},
             inversion=BY_ELIMINATION if chosen.defaults > 14 else BY_LIBRARY,
         )

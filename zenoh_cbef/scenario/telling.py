@@ -14,6 +14,9 @@ from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.filters.models.splitting import CLOSELY, ROUGHLY
 from zenoh_cbef.tracking.motion import Motion, NearlyConstantVelocity
 
+_BENT = 0.1
+"""By how much of its noise a range bends over what a bias leaves open, where agents tell each other their ranges."""
+
 
 def tells_ranges(
     scenario: Scenario, motions: Sequence[Motion], range_std: float, settling: int, *, leaps: bool
@@ -26,7 +29,7 @@ def tells_ranges(
     one motion that leaps would do, as by the twentieth rules; but wrong ranges lose it.
     """
     agile = motions[-1]
-    if len(motions) > 1 and tells_biased(scenario, agile.axes):
+    if (len(motions) > 1 or _bends_over_biases(scenario)) and tells_biased(scenario, agile.axes):
         return True
     several = len(motions) > 1 and scenario.filter.defaults > 13
     fewest = agile.axes - (several and scenario.filter.defaults > 15)
@@ -62,6 +65,18 @@ def tells_biased(scenario: Scenario, axes: int) -> bool:
     least = axes if scenario.filter.defaults > 25 else axes + 1
     told = biased and _everywhere(scenario) and _may(scenario, least, several=True)
     return told and scenario.filter.defaults > 15
+
+
+def _bends_over_biases(scenario: Scenario) -> bool:
+    """Whether ranges bend over what drawn biases leave open of the place, by much less than their noise, too.
+
+    In each step by as much, so that it does not average out. Agents that share information leave it out. In a plane
+    such agents are no better off.
+    """
+    if scenario.filter.planar_height is not None:
+        return False
+    sag = scenario.sensor.bias_std**2 / (2.0 * max(start.half_box(scenario), 1e-3))
+    return sag > _BENT * scenario.sensor.range_std and scenario.filter.defaults > 26
 
 
 def needs_biases(scenario: Scenario, range_std: float, axes: int) -> bool:
@@ -155,7 +170,7 @@ def _comes(scenario: Scenario) -> bool:
     """Whether every range comes to every agent in its step, whatever the graph, with an error that is noise as known.
 
     Or, by today's rules, as each agent learns it. What doubts a noise that is told stands around other filters, and
-    biases that are drawn are better estimated without.
+    small biases that are drawn are better estimated without.
     """
     noise = scenario.filter.range_std
     known = noise is None or (noise == "auto" and scenario.filter.defaults > 15)

@@ -74,6 +74,8 @@ class FilterSettings:
     exact: bool = False
     """Whether agents that tell each other their ranges count errors of wrong ones from the distance (see branching.py).
     """
+    adds: bool = False
+    """Whether they count biases as what these add to distances, not to their squares (see branching.py)."""
     persists: bool = False
     """Whether they take a range that was wrong for rather wrong again, and by as much (see persisting.py)."""
     agrees: bool = False

@@ -10,7 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters.models.abreast import Arrays, abreast
-from zenoh_cbef.tracking.filters.models.expecting import Expected, likelihoods
+from zenoh_cbef.tracking.filters.models.expecting import Bias, Expected, likelihoods
 from zenoh_cbef.tracking.filters.models.mixtures import NEVER, Priors, distinct, mixture, total
 from zenoh_cbef.tracking.filters.models.persisting import again, judged
 from zenoh_cbef.tracking.filters.rows import Rows
@@ -22,6 +22,9 @@ MOST = 16
 
 KEPT = 4
 """How many distinct ones stay from step to step."""
+
+_STRAIGHT = 0.04
+"""Up to which variance of a distance, in units of its square, the distance and not its square is linearised."""
 
 _NEAREST = 0.1
 """The least distance at which a range is linearised, in units of its noise."""
@@ -51,7 +54,8 @@ class Branches:
     the first rules. slack: (n, k), m^4, the variance that e has about its regression on x; None: e stays tied to x by
     that alone. motion: by which ranges may turn the velocity (see `turned`); None: they move it. exact: whether a
     wrong range's error counts from the distance, or in the square, by earlier rules: about a length that this range
-    moves by metres, the more the less is known of the place, so that outliers spoke for agile motions. former:
+    moves by metres, the more the less is known of the place, so that outliers spoke for agile motions. adds: whether a
+    bias counts as what it adds to the distance (see `expected`), or in the square, by earlier rules. former:
     (n, k, m, 3), what is made of the ranges before (see persisting.py); None: it does not count.
     Squared ranges are linear in y = (x, e), e = |u|^2 with the position u: see `SquaredInformation`, which has the same
     equations. x: position, velocity, what else moves it, and perhaps the agents' biases from component `biases` on.
@@ -80,6 +84,7 @@ class Branches:
     slack: Floats | None = None
     motion: Motion | None = None
     exact: bool = False
+    adds: bool = False
     former: Floats | None = None
 
     @classmethod
@@ -93,6 +98,7 @@ class Branches:
         *,
         ties: bool = False,
         exact: bool = False,
+        adds: bool = False,
     ) -> Branches:
         """Of each prior one; e as the statistical linear regression on it tells. ties: see tying.py."""
         state, covariance, likelihood = priors
@@ -110,11 +116,20 @@ class Branches:
         whole[:, :, :size, size] = whole[:, :, size, :size] = cross
         slack = 2.0 * np.add.reduce(flat * flat, axis=2)
         whole[:, :, size, size] = np.add.reduce(slope * cross, axis=2) + slack
-        none = np.zeros_like(likelihood)
-        return cls(mean, whole, likelihood, none, axes, biases, share, slack if ties else None, motion, exact)
+        none, adds = np.zeros_like(likelihood), adds and biases is not None
+        return cls(mean, whole, likelihood, none, axes, biases, share, slack if ties else None, motion, exact, adds)
 
     def expected(self, heard: Heard, agent: int, which: Rows | None = None) -> Expected:
-        """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`."""
+        """Of one agent's range: column `agent` of what was heard, whose bias is that of agent `which`.
+
+        The square of l + d bends over d as well, and that by as much as the prior leaves open of d, the same way in
+        each step, so that what many steps tell of l - d is soon taken for more than it says. A range itself does not:
+
+            r_i - d_i = l + v,   E l = L - var(l)/2L,   L^2 = E l^2
+
+        where l is known to a fifth of L, so that l is straight in l^2; elsewhere the square of r_i - d_i is, with
+        cov(l, d) in its mean. l^2 stays the linear one of y = (x, e) either way.
+        """
         axes, mean = self.axes, self.mean
         place, age = heard.place[:, None, agent], heard.age[:, agent, None, None]
         here, velocity = mean[:, :, :axes], mean[:, :, axes : 2 * axes]
@@ -131,26 +146,37 @@ class Branches:
         spread = np.maximum(np.add.reduce(row * cross, axis=2), 0.0)
         distance, variance = np.sqrt(square), spread / (4.0 * square)
         ranges = np.where(np.isfinite(heard.range[:, agent]), heard.range[:, agent], 0.0)[:, None]
-        gain = variance / (variance + noise)
-        bias, rows = np.zeros_like(square), np.arange(len(mean))
-        if self.biases is not None:
-            column = self.biases + (np.full(len(mean), agent) if which is None else which)
-            bias = mean[rows, :, column]
-        length = np.maximum(distance + gain * (ranges - bias - distance), np.sqrt(least))
-        around = variance + noise
-        if self.biases is not None:
-            shared = np.add.reduce(row * self.covariance[rows, :, column], axis=2) / distance
-            around = around + shared + self.covariance[rows, :, column, column]
+        bias = self._bias(row, distance, agent, which)
+        around = variance + noise + bias.shared + bias.variance
+        gain, straight = variance / (variance + noise), np.zeros_like(square, dtype=bool)
+        if self.adds:
+            straight = variance < _STRAIGHT * square
+            gain = np.where(straight, 0.0, np.clip((variance + 0.5 * bias.shared) / around, 0.0, 1.0))
+        less, mean, left = ranges - bias.mean, bias.mean, (1.0 - 4.0 * gain) * noise
+        length = np.maximum(distance + gain * (less - distance), np.sqrt(least))
+        if bias.column is not None:
+            rows, column = bias.column
             row[rows, :, column] = 2.0 * length
-            square = square + 2.0 * length * bias + bias * bias + self.covariance[rows, :, column, column]
             cross = matvec(self.covariance, row)
             spread = np.maximum(np.add.reduce(row * cross, axis=2), 0.0)
-        excess = ranges * ranges - square - (1.0 - 4.0 * gain) * noise
-        total = spread + (4.0 * length * length + 2.0 * noise) * noise
-        unit, known = 2.0 * length, distance + bias
+        if self.adds:
+            apart = less * less - square - bias.variance - bias.shared - left
+            excess = np.where(straight, 2.0 * distance * (less - distance) + variance, apart)
+        else:
+            excess = ranges * ranges - (square + 2.0 * length * mean + mean * mean + bias.variance) - left
+        total, unit, known = spread + (4.0 * length * length + 2.0 * noise) * noise, 2.0 * length, distance + mean
         if not self.exact:
             return Expected(row, cross, known, variance, excess, total, unit, excess / unit, total / unit**2)
         return Expected(row, cross, known, variance, excess, total, unit, ranges - known, around)
+
+    def _bias(self, row: Floats, distance: Floats, agent: int, which: Rows | None) -> Bias:
+        """What is known of the bias of a range whose square has this derivative, (n, k, d)."""
+        if self.biases is None:
+            none = np.zeros_like(distance)
+            return Bias(none, none, none)
+        rows, column = np.arange(len(row)), self.biases + (np.full(len(row), agent) if which is None else which)
+        shared = np.add.reduce(row * self.covariance[rows, :, column], axis=2) / distance
+        return Bias(self.mean[rows, :, column], self.covariance[rows, :, column, column], shared, (rows, column))
 
     def after(self, heard: Heard, agent: int, outliers: tuple[float, float] | None, many: int = MOST) -> Branches:
         """With the range of an agent, right or wrong; so many stay."""
@@ -247,16 +273,16 @@ def conditioned(prior: Branches, heard: Heard, outliers: tuple[float, float] | N
 
 
 def judged_by(
-    motions: Sequence[Motion], wholes: Sequence[Priors], heard: Heard, axes: int, biases: int | None
+    motions: Sequence[Motion], wholes: Sequence[Priors], heard: Heard, axes: int, biases: int | None, *, adds: bool
 ) -> list[Floats]:
     """What each motion's hypotheses make of ranges that they have taken in, (n, k, m, 3) each: see persisting.py.
 
-    axes, biases: see `Branches`.
+    axes, biases, adds: see `Branches`.
     """
 
     def of(_: Motion, rows: Arrays) -> Arrays:
         state, covariance, likelihood, *told = rows
-        return (Branches.of((state, covariance, likelihood), axes, biases, exact=True).judged(Heard(*told)),)
+        return (Branches.of((state, covariance, likelihood), axes, biases, exact=True, adds=adds).judged(Heard(*told)),)
 
     each = [(*whole, *vars(heard).values()) for whole in wholes]
     return [found for (found,) in abreast(motions, each, of)]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zenoh_cbef.arrays import Floats
+from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.outliers import UNTOLD, wrong_by_any
 
 
@@ -29,6 +30,19 @@ class Expected:
     unit: Floats
     beyond: Floats
     around: Floats
+
+
+@dataclass(frozen=True)
+class Bias:
+    """What k branches know of the bias of a range, arrays (n, k); zeros where it has none.
+
+    mean, m, variance, m^2, and twice the covariance with the distance, m^2. column: of a state, for each of n agents.
+    """
+
+    mean: Floats
+    variance: Floats
+    shared: Floats
+    column: tuple[Rows, Rows] | None = None
 
 
 def likelihoods(

@@ -55,10 +55,10 @@ class ToldRanges:
     position and of velocity are independent. outliers: see branching.py. own_std: of constant biases, m, which are all
     estimated beside position and velocity; 0: there are none. anywhere: where the target may be if the guesses are
     wrong, state (1, s) and covariance (1, s, s). plane: that agents are near, so that guesses do not tell a target from
-    its mirror image; None: near none. splits: how hypotheses are split over which ranges bend, of which
-    several stay then; 0: none. least: ranges below it, m, are none. agrees: whether agents agree on the mean of their
-    guesses before they predict it: a motion that is not linear leaves each of them another covariance otherwise.
-    settled, ties, exact, compares, persists: see splitting.py, tying.py, branching.py, contending.py, persisting.py.
+    its mirror image, or None. splits: how hypotheses are split over which ranges bend, of which several stay then; 0:
+    none. least: ranges below it, m, are none. agrees: whether agents agree on the mean of their guesses before they
+    predict it: a motion that is not linear leaves each of them another covariance otherwise. settled, ties, exact and
+    adds, compares, persists: see splitting, tying, branching, contending, persisting.py.
     """
 
     motions: tuple[Motion, ...]
@@ -78,6 +78,7 @@ class ToldRanges:
     least: float = -np.inf
     ties: bool = False
     exact: bool = False
+    adds: bool = False
     agrees: bool = False
     compares: bool = False
     persists: bool = False
@@ -172,9 +173,10 @@ class ToldRanges:
         known = self.space.axes, self._biases, share(counts) if self.seeks else None, motion
         halves = self._contest.halves(prior) if self.seeks else (prior,)
         parts = (split(with_images(one, self._near), heard, self.splits, settled=self.settled) for one in halves)
-        before = [Branches.of(one, *known, ties=self.ties, exact=self.exact) for one in parts]
+        before = [Branches.of(one, *known, ties=self.ties, exact=self.exact, adds=self.adds) for one in parts]
         if self.seeks:
-            where = self._elsewhere(len(counts))
+            place, *rest = self._beginning.elsewhere(len(counts))
+            where = self._centred(place), rest[0], rest[1]
             whole, stay = self._contest.after(before[0], before[1], where, heard, counts, off=off > 0.0)
             return *whole.merged(), *stay
         many = MANY if self.splits else MOST
@@ -265,15 +267,11 @@ class ToldRanges:
         if heard is None or np.isnan(heard.range).all():
             return [np.zeros((*one[0].shape[:2], self.network_size, 3)) for one in priors]
         centred = [(self._centred(state), covariance, likely) for state, covariance, likely in priors]
-        return judged_by(self.motions, centred, heard, self.space.axes, self._biases)
+        return judged_by(self.motions, centred, heard, self.space.axes, self._biases, adds=self.adds)
 
     @cached_property
     def _beginning(self) -> Beginning:
         return Beginning(self.motions, self._more, self.own_std, self.anywhere, self.plane)
-
-    def _elsewhere(self, count: int) -> Priors:
-        state, covariance, likelihood = self._beginning.elsewhere(count)
-        return self._centred(state), covariance, likelihood
 
     def _diagnosed(
         self, ahead: Floats, priors: list[Priors], new: Measurement, own: Rows, share_: Floats | None
@@ -287,7 +285,7 @@ class ToldRanges:
                 continue
             alone = mixture(state, covariance, likelihood)[:2] if self.splits else (state[:, 0], covariance[:, 0])
             first = self._centred(alone[0])[:, None], alone[1][:, None], np.zeros((len(state), 1))
-            prior = Branches.of(first, self.space.axes, self._biases, share_, exact=self.exact)
+            prior = Branches.of(first, self.space.axes, self._biases, share_, exact=self.exact, adds=self.adds)
             one = said_of(prior, heard, own, self.outliers)
             said = [said[0].chosen(likeliest[:, motion], one) if said else one]
         return replace(said[0], maneuver=likely[:, -1].copy()) if len(self.motions) > 1 else said[0]
