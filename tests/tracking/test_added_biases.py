@@ -65,6 +65,17 @@ def test_by_earlier_rules_a_ridge_is_expected_wrong_by_what_is_open_of_the_bias(
     assert abs(found[1].mean()) < 0.1 * ridge[7, 7] / distance
 
 
+@pytest.mark.parametrize("open_", [0.3, 2.0, 5.0])
+def test_a_ridge_is_expected_right_on_average_however_long_it_is(open_):
+    """In the last one the distance of 12 m is not known to a fifth."""
+    random, count = np.random.default_rng(3), 20_000
+    covariance, mean = np.diag([open_] * 3 + [1.0] * 3 + [open_] * 2) ** 2, np.array([1.0, -2, 0.5, 0, 0, 0, -1.5, 2.5])
+    ridge = after_one_range(covariance, mean, 1)
+    truth = samples(mean, ridge, count, random)
+    off, claimed = expected_of(mean, ridge, truth, STD * random.normal(size=count), adds=True)
+    assert abs(np.mean(off / np.sqrt(claimed))) < 0.15
+
+
 @pytest.mark.parametrize("bias", [-3.0, 0.0, 3.0])
 def test_an_innovation_counts_the_same_whatever_the_bias_is(bias):
     mean = np.array([1.0, -2, 0.5, 0, 0, 0, 0, bias])
@@ -75,7 +86,21 @@ def test_an_innovation_counts_the_same_whatever_the_bias_is(bias):
         told = branches_of(mean[None].repeat(2, axis=0), tiny, adds=adds).expected(
             heard(PLACES[:2], np.stack([ranges, ranges], axis=1)), 1
         )
-        assert np.diff((told.excess / told.unit)[:, 0])[0] == pytest.approx(factor)
+        off = (told.excess / told.unit)[:, 0]
+        assert np.diff(off)[0] == pytest.approx(factor)
+        # A square counts one that is too long for more than one that is as much too short.
+        assert abs(off.sum()) < 1e-3 if adds else off.sum() > 0.01
+
+
+def test_a_distance_that_is_hardly_known_is_found_in_the_square():
+    """As the range less the bias, from wherever the target was thought to be."""
+    mean, covariance = np.array([1.0, -2, 0.5, 0, 0, 0, 0, 2.0]), np.diag([8.0] * 3 + [1.0] * 3 + [0.1] * 2) ** 2
+    told = heard(PLACES[:2], [[np.nan, 5.0]])
+    for bias, distance in ((2.0, 3.0), (-2.0, 7.0)):
+        mean[7] = bias
+        after = branches_of(mean[None], covariance, adds=True).after(told, 1, None, 1)
+        apart = after.mean[0, 0, -1] - 2.0 * PLACES[1] @ after.mean[0, 0, :3] + PLACES[1] @ PLACES[1]
+        assert apart == pytest.approx(distance**2, rel=0.1)
 
 
 def test_an_estimate_beside_large_biases_is_as_good_as_it_claims():
