@@ -30,10 +30,10 @@ def samples(mean, covariance, count, random):
     return mean + random.multivariate_normal(np.zeros(len(mean)), covariance, count)
 
 
-def branches_of(state, covariance, axes, biases=None):
+def branches_of(state, covariance, axes, biases=None, *, adds=False):
     """One branch each of n agents: states (n, s), covariances (n, s, s) or the same one of all."""
     wide = np.broadcast_to(covariance, (len(state), *np.shape(covariance)[-2:]))
-    return Branches.of((state[:, None], wide[:, None], np.zeros((len(state), 1))), axes, biases)
+    return Branches.of((state[:, None], wide[:, None], np.zeros((len(state), 1))), axes, biases, adds=adds)
 
 
 def heard(places, ranges, age=0.0, height=0.0):

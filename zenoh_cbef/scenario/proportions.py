@@ -64,7 +64,7 @@ def _long_for_turns(plan: Plan) -> list[str]:
     if plan.tells_ranges or not plan.models or not start.leaps(scenario, plan.range_std):
         return []
     reach = start.reach(scenario)
-    times = reach**2 / (2.0 * half_box(scenario) * plan.range_std)
+    times = start.sag(scenario, reach) / plan.range_std
     shorter = scenario.dt / 2.0 ** ceil(0.5 * log2(times))
     warning = (
         f"steps of dt = {number(scenario.dt)} s are long for a target that turns: it gets {number(reach)} m in one, "
@@ -81,7 +81,7 @@ def _wide_guess(plan: Plan) -> list[str]:
     if not able or plan.first_fix_steps or plan.tells_ranges or plan.squares or not start.bends_over_guess(scenario):
         return []
     std = float(start.initial_std(scenario)[0])
-    times = std**2 / (2.0 * half_box(scenario) * scenario.sensor.range_std)
+    times = start.sag(scenario, std) / scenario.sensor.range_std
     other = "" if plan.abilities.biases else ", or use filter.kind = 'sicf'"
     kept = ", or leave filter.start out" if chosen.start == "given" else ""
     warning = (

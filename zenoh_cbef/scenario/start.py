@@ -179,8 +179,12 @@ def tries_guess(scenario: Scenario) -> bool:
 
 def bends_over_guess(scenario: Scenario) -> bool:
     """Whether ranges bend by more than their noise over how far a guess may be off."""
-    sag = initial_std(scenario)[0] ** 2 / (2.0 * max(half_box(scenario), 1e-3))
-    return bool(sag >= scenario.sensor.range_std)
+    return bool(sag(scenario, initial_std(scenario)[0]) >= scenario.sensor.range_std)
+
+
+def sag(scenario: Scenario, std: float) -> float:
+    """By how much, m, a range over half of the box bends over so many metres across it."""
+    return float(std**2 / (2.0 * max(half_box(scenario), 1e-3)))
 
 
 def search(scenario: Scenario) -> tuple[Floats, Floats]:

@@ -24,9 +24,9 @@ def tells_ranges(
     """Whether agents tell each other their ranges: where a first fix would fail, or may, and they are few.
 
     Or where the target switches between motions: which ranges are wrong, and which motion is right, all ranges of a
-    step tell together. By earlier rules only if a step may have too few, as agents are away, or cut off from others.
-    motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of a fix. leaps: whether
-    one motion that leaps would do, as by the twentieth rules; but wrong ranges lose it.
+    step tell together. By earlier rules only if a step may have too few, as agents are away, or cut off from others. Or
+    where biases are large. motions: what the filter assumes, the most agile one last. range_std: m. settling: steps of
+    a fix. leaps: whether one motion that leaps would do, as by the twentieth rules; but wrong ranges lose it.
     """
     agile = motions[-1]
     if (len(motions) > 1 or _bends_over_biases(scenario)) and tells_biased(scenario, agile.axes):
@@ -75,7 +75,7 @@ def _bends_over_biases(scenario: Scenario) -> bool:
     """
     if scenario.filter.planar_height is not None:
         return False
-    sag = scenario.sensor.bias_std**2 / (2.0 * max(start.half_box(scenario), 1e-3))
+    sag = start.sag(scenario, scenario.sensor.bias_std)
     return sag > _BENT * scenario.sensor.range_std and scenario.filter.defaults > 26
 
 

@@ -148,9 +148,8 @@ class Branches:
         ranges = np.where(np.isfinite(heard.range[:, agent]), heard.range[:, agent], 0.0)[:, None]
         bias = self._bias(row, distance, agent, which)
         around = variance + noise + bias.shared + bias.variance
-        gain, straight = variance / (variance + noise), np.zeros_like(square, dtype=bool)
+        gain, straight = variance / (variance + noise), variance < _STRAIGHT * square
         if self.adds:
-            straight = variance < _STRAIGHT * square
             gain = np.where(straight, 0.0, np.clip((variance + 0.5 * bias.shared) / around, 0.0, 1.0))
         less, mean, left = ranges - bias.mean, bias.mean, (1.0 - 4.0 * gain) * noise
         length = np.maximum(distance + gain * (less - distance), np.sqrt(least))

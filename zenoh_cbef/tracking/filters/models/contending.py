@@ -81,7 +81,7 @@ class Contest:
         whole = holds = tied(conditioned(holds, heard, self.outliers), heard)
         if doubts.any():
             known, place = (self.axes, holds.biases, holds.share), (*elsewhere[:2], elsewhere[2] + _ELSEWHERE)
-            born = Branches.of(place, *known, ties=holds.slack is not None, exact=holds.exact, adds=holds.adds)
+            born = Branches.of(place, *known, ties=holds.slack is not None, exact=holds.exact)
             rises = tied(conditioned(rises.beside(born), heard, self.outliers), heard).unless(~doubts)
             whole = holds.beside(rises)
         most = np.maximum.reduce(whole.likelihood, axis=1)[:, None]
