@@ -56,10 +56,10 @@ class Step:
 
 
 def measured(plan: Plan, emitted: Floats, arrived: Floats, step: int | Floats) -> tuple[Floats, Floats]:
-    """Range (m) and age (s) that agents take from beacon times; NaN where none was heard, or none that is plausible."""
+    """Range (m) and age (s) that agents take from beacon times; NaN where none is plausible and tells a distance."""
     with np.errstate(over="ignore", invalid="ignore"):  # times can be forged
         ranges, age = taken(plan.scenario, emitted, arrived, step)
-    holds = plan.plausible.holds(ranges, age)
+    holds = plan.plausible.holds(ranges, age) & plan.plausible.tells(ranges)
     return np.where(holds, ranges, np.nan), np.where(holds, age, np.nan)
 
 

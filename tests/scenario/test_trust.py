@@ -70,10 +70,11 @@ TOLD = {"sensor": {"bias_std": 0.5}}
         ({**TOLD, "filter": {"bias": "auto", "bias_own_std": 0.2}}, "estimate", 0.2),
         ({**TOLD, "filter": {"bias": "none"}}, "none", 0.5),
         ({**TOLD, "filter": {"motion": "turn"}}, "none", 0.5),
-        ({"sensor": {"bias_std": 0.5, "real": True}}, "auto", 0.015),
+        ({"sensor": {"bias_std": 0.5, "real": True}}, "auto", 0.02),
+        ({"sensor": {"bias_std": 0.5, "real": True}, "filter": {"defaults": 27}}, "auto", 0.015),
         ({"sensor": {"bias": 0.3}}, "estimate", 0.015),
         ({"sensor": {"bias": 0.3}, "filter": {"defaults": 11}}, "auto", 0.015),
-        ({"sensor": {"bias": 0.3, "real": True}}, "auto", 0.015),
+        ({"sensor": {"bias": 0.3, "real": True}}, "auto", 0.02),
         ({"sensor": {"bias": [3, 0, 0, 0, 0, 0]}}, "auto", 0.015),  # a single one is found by other means
         ({"sensor": {"bias": [1, -1, 1, -1, 1, -1]}}, "estimate", 1.0),
         ({"sensor": {"bias": [0.5, 0.5, 0.1, 0.9, 0.5, 0.9], "bias_std": 0.3}}, "estimate", 0.3606),

@@ -11,6 +11,7 @@ from zenoh_cbef.scenario.load import load, parse
 from zenoh_cbef.scenario.plan import Plan
 from zenoh_cbef.tracking.filters import Belief, FilterSettings, make_filter
 from zenoh_cbef.tracking.filters.around.recovering import widened
+from zenoh_cbef.tracking.filters.base import Tied
 from zenoh_cbef.tracking.filters.finding.moved import moved
 from zenoh_cbef.tracking.joint import _Joint
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
@@ -28,7 +29,7 @@ def begun(random):
     """One fix of all agents, and what each knows of its own bias given that."""
     root = random.normal(size=(6, 6))
     state, covariance = random.normal(size=(1, 6)), (root @ root.T / 6.0 + np.eye(6))[None]
-    tied = random.normal(size=COUNT), 0.3 * random.normal(size=(COUNT, 6)), random.uniform(0.05, 0.2, COUNT)
+    tied = Tied(random.normal(size=COUNT), 0.3 * random.normal(size=(COUNT, 6)), random.uniform(0.05, 0.2, COUNT))
     return Belief(np.repeat(state, COUNT, axis=0), np.repeat(covariance, COUNT, axis=0), tied=tied)
 
 
@@ -73,7 +74,7 @@ def test_with_an_exact_average_it_is_the_centralised_filter_of_target_and_all_bi
     random, motion = np.random.default_rng(3), NearlyConstantVelocity(0.5, q, 3)
     chosen = make_filter("icf", replace(SETTINGS, motion=motion, common_bias_std=common))
     belief = begun(random)
-    offset, slope, given = belief.tied
+    offset, slope, given = vars(belief.tied).values()
     if not known:
         belief, offset, slope = replace(belief, tied=None), np.zeros(COUNT), np.zeros((COUNT, 6))
         given = np.full(COUNT, BETA**2)
@@ -156,10 +157,10 @@ def test_what_a_first_fix_tells_of_biases_is_carried_over_with_its_correlations(
     """Of x ~ N(m, P) and d_i = a_i + b_i^T x + e_i: the mean and covariance of (x, c, d)."""
     random = np.random.default_rng(4)
     one = begun(random)
-    offset, slope, given = (np.asarray(each) for each in one.tied)
+    offset, slope, given = vars(one.tied).values()
     settings = replace(SETTINGS, common_bias_std=0.7)
     filter_ = _Joint(settings, np.inf, Belief(one.state[:1], one.known_covariance[:1]), COUNT)
-    filter_.begin(Belief(one.state[:1], one.known_covariance[:1]), (offset, slope, given))
+    filter_.begin(Belief(one.state[:1], one.known_covariance[:1]), one.tied)
     found, covariance = filter_._biased, one.known_covariance[0]  # noqa: SLF001
     np.testing.assert_allclose(found.state[0], [*one.state[0], 0.0, *(offset + slope @ one.state[0])])
     expected = np.zeros((7 + COUNT, 7 + COUNT))

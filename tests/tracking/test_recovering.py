@@ -93,8 +93,11 @@ def test_a_network_with_biased_receivers_finds_a_target_that_jumped_and_keeps_it
     assert biases[1] < 0.7 * biases[0]
 
 
-def test_widening_multiplies_the_state_and_leaves_the_biases():
+@pytest.mark.parametrize("rules", [27, 28])
+def test_widening_multiplies_the_state_and_leaves_the_biases(rules):
+    """And by today's rules their covariance, by earlier ones their correlation."""
     keys = ["filter.bias=estimate", "filter.recovery=true", "filter.start=given", "filter.status=false"]
+    keys += [f"filter.defaults={rules}"]
     made = within(Plan(load("tracking", keys).scenario).filter)
     assert isinstance(made, Recovering)
     joint = np.random.default_rng(3).normal(size=(8, 8))
@@ -103,6 +106,8 @@ def test_widening_multiplies_the_state_and_leaves_the_biases():
     wide = widened(made.filter, Belief(np.zeros((1, 6)), joint[None, :6, :6], memory=memory), np.array([4.0]))
     scale = np.array([2.0] * 6 + [1.0, 1.0])
     expected = joint * np.outer(scale, scale)
+    if rules == 28:
+        expected[:6, 6:], expected[6:, :6] = joint[:6, 6:], joint[6:, :6]
     np.testing.assert_allclose(wide.memory[1][0], expected[:7, :7])
     np.testing.assert_allclose(wide.memory[3], expected[7:, 7])
     np.testing.assert_allclose(wide.memory[4][0], expected[7, :7])

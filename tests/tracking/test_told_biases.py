@@ -18,7 +18,12 @@ def ranges_of(random):
     measured[0, 2] = False
     rows = np.where(measured[:, :, None], random.normal(size=(1, 5, 6)), 0.0)
     ranges = Remembered(
-        random.normal(size=(1, 6)), rows, random.normal(size=(1, 5)) * measured, np.ones((1, 5)), measured
+        random.normal(size=(1, 6)),
+        random.uniform(5.0, 9.0, (1, 5)),
+        rows,
+        random.normal(size=(1, 5)) * measured,
+        np.ones((1, 5)),
+        measured,
     )
     return ranges, random.uniform(0.5, 1.0, (1, 5)), np.full((1, 5), 0.04)
 
@@ -40,7 +45,7 @@ def test_what_a_fix_says_of_the_state_and_of_a_constant_given_the_state_is_what_
     # The constant is eliminated by its Schur complement.
     np.testing.assert_allclose(information[0], matrix[:6, :6] - np.outer(matrix[:6, 6], matrix[6, :6]) / matrix[6, 6])
     np.testing.assert_allclose(found[0], vector[:6] - matrix[:6, 6] * vector[6] / matrix[6, 6])
-    offset, slope, left = ranges.constant_given(weight, variance, DRIFT, 3, 0.25)
+    offset, slope, left = vars(ranges.constant_given(weight, variance, DRIFT, 3, 0.25)).values()
     np.testing.assert_allclose(left[0], 1.0 / matrix[6, 6])
     np.testing.assert_allclose(slope[0], -matrix[6, :6] / matrix[6, 6])
     np.testing.assert_allclose(offset[0], vector[6] / matrix[6, 6])

@@ -26,7 +26,7 @@ class Model(Table):
     turn_rate_change: Factor | None = None
 
 
-NEWEST = 27
+NEWEST = 28
 """The rules that a scenario is of which names none."""
 
 

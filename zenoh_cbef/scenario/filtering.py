@@ -222,6 +222,7 @@ class Filtering(Meant):
             own_bias_std=trust.own_bias_std(scenario, self.range_std),
             scale_std=trust.scale_std(scenario) if joint else 0.0,
             told_biases=biased and trust.tells_biases(scenario),
+            whole_biases=biased and chosen.defaults > 27,
             lasting=single and trust.lasts(scenario),
             curves=single and trust.curves(scenario),
             doubts_noise=doubts,

@@ -12,6 +12,7 @@ from zenoh_cbef.courses import RECORDED
 from zenoh_cbef.faults import SensorFault
 from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.paths import placement
+from zenoh_cbef.scenario.trust import zero_is_none
 from zenoh_cbef.scenario.world import target_path
 
 Real = TypeVar("Real", float, Floats)
@@ -32,15 +33,23 @@ def taken(scenario: Scenario, emitted: Real, arrived: Real, step: int | Real) ->
 
 @dataclass(frozen=True)
 class Plausible:
-    """Least and largest range, m, and the largest age of a beacon, before or after its step, s."""
+    """Least and largest range, m, and the largest age of a beacon, before or after its step, s.
+
+    zero: whether a range of zero is one, and tells how far the target is.
+    """
 
     least: float
     largest: float
     age: float
+    zero: bool = True
 
     def holds(self, ranges: Real, age: Real) -> Bools | bool:
         """Which ranges (m) of which ages (s) are plausible; NaN is not."""
         return (ranges >= self.least) & (ranges <= self.largest) & (abs(age) <= self.age)
+
+    def tells(self, ranges: Real) -> Bools | bool:
+        """Which ranges (m) tell how far the target is."""
+        return (abs(ranges) > 0.0) | self.zero
 
 
 def plausible_ranges(scenario: Scenario) -> Plausible:
@@ -56,6 +65,7 @@ def plausible_ranges(scenario: Scenario) -> Plausible:
         -FACTOR * (errors + rounding),
         FACTOR * (_apart(scenario) + _travel(scenario, duration) + errors + rounding + 1.0),
         duration + FACTOR * scenario.dt,
+        zero=not zero_is_none(scenario),
     )
 
 

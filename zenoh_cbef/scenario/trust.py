@@ -87,6 +87,14 @@ def may_be_biased(scenario: Scenario) -> bool:
     return told or _lastingly_at_fault(scenario) or real(scenario)
 
 
+def zero_is_none(scenario: Scenario) -> bool:
+    """Whether a range of zero is none: its receiver may be wrong by a constant, and found less than nothing.
+
+    It tells zero then, however large its constant. Real ones write zero where they measured nothing.
+    """
+    return may_be_biased(scenario) and scenario.filter.defaults > 27
+
+
 def may_be_wrong(scenario: Scenario) -> bool:
     """Whether ranges may have an error beside their noise, of which the scenario tells."""
     return may_be_biased(scenario) or scenario.sensor.outlier_probability > 0.0
@@ -181,9 +189,10 @@ def common_bias_std(scenario: Scenario, range_std: float, *, joint: bool) -> flo
 
 def own_bias_std(scenario: Scenario, range_std: float) -> float:
     """Prior standard deviation of the agents' own biases, m: as told, or a share of the noise."""
-    given, least = scenario.filter.bias_own_std, 0.15 * range_std
+    given = scenario.filter.bias_own_std
     if given is not None:
         return given
+    least = (0.2 if real(scenario) and scenario.filter.defaults > 27 else 0.15) * range_std
     told = scenario.sensor.bias_std if tells_biases(scenario) else 0.0
     return max(least, float(np.hypot(np.hypot(told, _given_biases(scenario)[1]), hidden_bias(scenario))))
 

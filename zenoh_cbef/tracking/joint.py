@@ -13,11 +13,12 @@ from zenoh_cbef.tracking.filters import FilterSettings, make_filter, sharing_of
 from zenoh_cbef.tracking.filters.around.auto_bias import mixed
 from zenoh_cbef.tracking.filters.around.evidence import BEGIN, MEMORY, SQUARES, Evidence
 from zenoh_cbef.tracking.filters.around.learned_noise import learned
-from zenoh_cbef.tracking.filters.base import Belief, Update
+from zenoh_cbef.tracking.filters.base import Belief, Shared, Tie, Tied, Update
 from zenoh_cbef.tracking.filters.finding.tried_guess import first_fix
 from zenoh_cbef.tracking.filters.models.biased_information import forgetting
+from zenoh_cbef.tracking.filters.models.joint_biases import LEAST
 from zenoh_cbef.tracking.filters.weighing import saturated_precision, saturation
-from zenoh_cbef.tracking.linalg import matvec, solve
+from zenoh_cbef.tracking.linalg import inverse, matvec, solve
 from zenoh_cbef.tracking.motion import linear
 from zenoh_cbef.tracking.ranging import Measurement, no_neighbours, own_range
 from zenoh_cbef.tracking.reference import Ranges, each_step, stacked
@@ -98,27 +99,49 @@ class _Joint:
         """Standard deviations of the ranges, (r, n), m."""
         return np.asarray(self.settings.range_std * np.exp(self._scale))
 
-    def begin(self, initial: Belief, tied: tuple[Floats, Floats, Floats] | None = None) -> None:
-        """Start from a belief about (p, v). tied: what agents (r n) know of their biases given that, see `Belief`."""
+    def begin(self, initial: Belief, tied: Tie | None = None) -> None:
+        """Start from a belief about (p, v). tied: what agents' ranges (r n) say of their biases, see `Belief`."""
         self._biased = self._plain = initial
         if self.settings.bias == "none":
             return  # A matrix of all agents' biases is not for many agents.
         settings, size = self.settings, self.settings.motion.size
         stds = [settings.common_bias_std, *[settings.own_bias_std] * self.agents]
         prior = np.square([*stds, settings.scale_std])
+        if isinstance(tied, Shared):
+            self._biased = self._scaled = self._together(tied, prior[:-1])
+            if settings.scale_std:
+                self._scaled = self._together(tied, prior)
+            return
         covariance = np.zeros((len(initial.state), size + len(prior), size + len(prior)))
         covariance[:, :size, :size] = initial.known_covariance
         covariance[:, size:, size:] = np.diag(prior)
         state = np.pad(initial.state, ((0, 0), (0, len(prior))))
-        if tied is not None:
+        if isinstance(tied, Tied):
             biases = slice(size + 1, size + 1 + self.agents)
-            offset, slope, given = (each.reshape(-1, self.agents, *each.shape[1:]) for each in tied)
+            each = tied.offset, tied.slope, tied.given
+            offset, slope, given = (one.reshape(-1, self.agents, *one.shape[1:]) for one in each)
             cross = slope @ initial.known_covariance
             state[:, biases] = offset + matvec(slope, initial.state)
             covariance[:, biases, :size], covariance[:, :size, biases] = cross, cross.swapaxes(1, 2)
             covariance[:, biases, biases] = cross @ slope.swapaxes(1, 2) + given[:, :, None] * np.eye(self.agents)
         self._scaled = Belief(state, covariance)
         self._biased = Belief(state[:, :-1], covariance[:, :-1, :-1])
+
+    def _together(self, told: Shared, prior: Floats) -> Belief:
+        """What all agents' parts say together. prior: variances of biases, m^2, and perhaps of a share of ranges."""
+        size, agents = self.settings.motion.size, self.agents
+        kept = size + len(prior) - agents  # x, the agent's bias, and perhaps s
+        places = np.zeros((agents, kept, size + len(prior)))
+        places[:, range(size), range(size)] = 1.0
+        places[:, size, size] = places[range(agents), size, range(size + 1, size + 1 + agents)] = 1.0
+        places[:, size + 1 :, size + 1 + agents :] = 1.0
+        vector = told.vector[:, :kept].reshape(-1, agents, kept)
+        matrix = told.matrix[:, :kept, :kept].reshape(-1, agents, kept, kept)
+        whole = np.add.reduce(places.swapaxes(1, 2) @ matrix @ places, axis=1)
+        least, errors = LEAST * self.settings.range_std**2, range(size, size + len(prior))
+        whole[:, errors, errors] += 1.0 / np.maximum(prior, least)
+        covariance = inverse(whole)
+        return Belief(matvec(covariance, np.add.reduce(matvec(places.swapaxes(1, 2), vector), axis=1)), covariance)
 
     def learn(self, innovation: Floats, nis: Floats) -> None:
         """Learn the noise from innovations (r, n) and their NIS."""

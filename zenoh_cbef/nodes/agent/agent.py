@@ -202,7 +202,7 @@ class Agent:
         if not self.plan.plausible.holds(*beacon):
             self.beacons.reject("a range that is not plausible in this scenario")
             return _UNHEARD
-        return beacon
+        return beacon if self.plan.plausible.tells(beacon[0]) else _UNHEARD
 
     def _measure(self, step: int, beacon: tuple[float, float], *, there: bool) -> Measurement:
         """What the agent measures in a step, and what its neighbours tell it of theirs."""

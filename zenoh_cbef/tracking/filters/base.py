@@ -40,6 +40,34 @@ class Bias:
 
 
 @dataclass(frozen=True)
+class Tie:
+    """What an agent's ranges of a first fix say of its bias, in one of two ways."""
+
+
+@dataclass(frozen=True)
+class Tied(Tie):
+    """The distribution of its bias d given the state x, N(a + b^T x, s).
+
+    offset: a, (n,), m. slope: b, (n, s). given: s, (n,), m^2.
+    """
+
+    offset: Floats
+    slope: Floats
+    given: Floats
+
+
+@dataclass(frozen=True)
+class Shared(Tie):
+    """The agent's part of the network's information on (x, d, s): the state, its bias, m, and a share of all ranges.
+
+    vector: (n, s + 2). matrix: (n, s + 2, s + 2). The prior of d and s is not in it.
+    """
+
+    vector: Floats
+    matrix: Floats
+
+
+@dataclass(frozen=True)
 class Belief:
     """State (n, s) with covariance (n, s, s); a filter without a covariance carries None.
 
@@ -47,8 +75,7 @@ class Belief:
     beliefs, that a filter carries to the next step beyond its state; a belief without them is an initial one. status:
     None where agents do not say what their estimate is. chance: (n, M), where the parts are of M motions, how likely
     each is. excess: (n,), by what share the covariance is larger than that which the filter goes on with; None: not at
-    all. tied: of a first fix, what the agent's own ranges say of its bias d given the state x: a (n,), b (n, s)
-    and s (n,), with d ~ N(a + b^T x, s).
+    all. tied: of a first fix, what the agent's own ranges say of its bias.
     """
 
     state: Floats
@@ -59,7 +86,7 @@ class Belief:
     status: Status | None = None
     chance: Floats | None = None
     excess: Floats | None = None
-    tied: tuple[Floats, Floats, Floats] | None = None
+    tied: Tie | None = None
 
     @property
     def known_covariance(self) -> Floats:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zenoh_cbef.arrays import Bools, Floats
-from zenoh_cbef.tracking.filters.base import Belief, Bias
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Tie
 from zenoh_cbef.tracking.status import Status
 
-_Said = TypeVar("_Said", Bias, Status)
+_Said = TypeVar("_Said", bound=Bias | Status | Tie)
 
 Rows = NDArray[np.intp]
 
@@ -71,14 +71,10 @@ def _combined(beliefs: Sequence[Belief], how: Callable[[Sequence[Floats]], Float
 
     def said_of(each: Sequence[_Said | None]) -> _Said | None:
         known = [one for one in each if one is not None]
-        return (
-            type(known[0])(**{name: how([vars(one)[name] for one in known]) for name in vars(known[0])})
-            if known
-            else None
-        )
+        if not known:
+            return None
+        return type(known[0])(**{name: how([vars(one)[name] for one in known]) for name in vars(known[0])})
 
-    ties = [one.tied for one in beliefs if one.tied is not None]
-    first, second, third = all_of(ties) if ties else (None, None, None)
     return Belief(
         state=how([one.state for one in beliefs]),
         covariance=any_of([one.covariance for one in beliefs]),
@@ -88,5 +84,5 @@ def _combined(beliefs: Sequence[Belief], how: Callable[[Sequence[Floats]], Float
         status=said_of([one.status for one in beliefs]),
         chance=any_of([one.chance for one in beliefs]),
         excess=any_of([one.excess for one in beliefs]),
-        tied=None if first is None or second is None or third is None else (first, second, third),
+        tied=said_of([one.tied for one in beliefs]),
     )

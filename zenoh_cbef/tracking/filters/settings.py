@@ -133,6 +133,8 @@ class FilterSettings:
     """Prior of the share by which all ranges may be too long, besides joint biases; 0: they are not."""
     told_biases: bool = False
     """Whether biases are constant, and as large as told: a first fix says what it knows of them, and none fades."""
+    whole_biases: bool = False
+    """Whether a first fix tells of common biases beside the state, and a wider state is no tie to biases."""
     likelihoods: bool = True
     """Whether `auto` weighs a bias by these, or by the NIS."""
     weighs_lasting: bool = False

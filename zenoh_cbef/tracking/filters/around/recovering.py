@@ -34,7 +34,7 @@ class Recovering(Wrapping):
     wrong prior gives most agents implausible innovations. A larger covariance allows larger innovations, so the
     widening ends once they fit. Agents decide from the same average, except for the disagreement that consensus left;
     an agent that decides differently has a covariance that is too large, which does no harm. Biases do not jump with
-    the target: their variances stay, and their covariances with the state grow by half as many powers.
+    the target: their variances stay, and their covariances with the state (see `JointBiases`).
 
     share: outliers hit some agents; where more than this share has an implausible innovation, the prior is wrong.
     """

@@ -52,9 +52,9 @@ class FirstFix(Wrapping):
     motion for noise of every range by itself, (q t^2/2)^2, left velocities alone in squared steps, and |q|^2 an unknown
     of its own. outliers: what share of the ranges are too long, and by how much on average, m (contamination).
     own_bias_std: of the agents' own biases, m, where beta^2 is counted as an error that all m ranges share, and not as
-    m beta^2 in each, and the filter begins with what the fix says of these biases; 0: neither. least: the least range
-    that is squared, m. joins: whether an agent that begins anew joins a fix that is under way. inversion: of matrices.
-    damping: of corrections, if any.
+    m beta^2 in each, and the filter begins with what the fix says of these biases; 0: neither. shares: whether it does,
+    of biases with a common part. least: the least range that is squared, m. joins: whether an agent that begins anew
+    joins a fix that is under way. inversion: of matrices. damping: of corrections, if any.
     """
 
     power: ClassVar[int] = 1
@@ -74,6 +74,7 @@ class FirstFix(Wrapping):
     guesses: tuple[int, int] | None = (1, 1)
     outliers: tuple[float, float] | None = None
     own_bias_std: float = 0.0
+    shares: bool = False
     least: float = -np.inf
     joins: bool = False
     inversion: Inversion = BY_LIBRARY
@@ -99,6 +100,7 @@ class FirstFix(Wrapping):
             search=settings.search,
             guesses=settings.guesses,
             own_bias_std=settings.own_bias_std if settings.told_biases else 0.0,
+            shares=settings.whole_biases and settings.joint_biases and settings.common_bias_std > 0.0,
             least=settings.least,
             joins=settings.joins_fix and settings.search is not None,
             inversion=settings.inversion,
@@ -156,27 +158,27 @@ class FirstFix(Wrapping):
         """What a step of the fix finds."""
         *history, predicted = update.kept
         steps, prior = history[-1].shape[1], Belief(history[0], history[1])
-        if steps <= self._squared_steps:
-            fix = self._fix_at_rest(payload, update.payload, prior, steps)
-        else:
-            fix = self._fix_moving(payload, update.payload)
+        both, squares = (payload, update.payload), steps <= self._squared_steps
+        fix = self._fix_at_rest(*both, prior, steps) if squares else self._fix_moving(*both)
         state, correction = corrected(self.damping, predicted, fix.state, steps - self._squared_steps)
-        fix = replace(fix, state=state)
+        fix = Belief(state, fix.covariance)
         if steps >= self.steps:
-            return Belief(fix.state, fix.covariance, parts=(self._tied(fix, Seen(*history[2:])),))
+            return replace(fix, parts=(self._tied(fix, Seen(*history[2:]), prior),))
         return replace(fix, memory=(*history, correction))
 
-    def _tied(self, fix: Belief, seen: Seen) -> Belief:
-        """The fix, with what the agent's own ranges say of its bias given the state."""
-        if not self.own_bias_std:
+    def _tied(self, fix: Belief, seen: Seen, prior: Belief) -> Belief:
+        """The fix, with what the agent's ranges say of its bias. prior: what was known before them."""
+        if not (self.own_bias_std or self.shares):
             return fix
         ranges = Remembered.at(self.space, fix.state, seen)
         variance = np.full_like(ranges.ages, self.range_std**2)
         drift = self.wandering.covariance(ranges.ages, ranges.ages)
         spread = np.sqrt(ranges.expected(fix.known_covariance) + variance + drift + self.bias_std**2)
         weight = saturation(ranges.innovation, self.xi * spread, max(self.power, self.ending))
-        tied = ranges.constant_given(weight, variance, self.wandering, self.space.axes, self.own_bias_std**2)
-        return replace(fix, tied=tied)
+        how = weight, variance, self.wandering, self.space.axes
+        if not self.shares:
+            return replace(fix, tied=ranges.constant_given(*how, self.own_bias_std**2))
+        return replace(fix, tied=ranges.shared(*how, prior, agents=self.network_size, inversion=self.inversion))
 
     def _at_rest(self, prior: Belief, latest: Belief, seen: Seen, variance: Floats) -> Floats:
         """The payload of squared ranges. latest: where their residuals are weighed; variance: of ranges, (n, k)."""
@@ -259,10 +261,8 @@ class FirstFix(Wrapping):
             # In the first step squared ranges are not weighed yet.
             level = self.xi * np.sqrt(expected) if seen.steps > 1 else np.full_like(expected, np.inf)
             variance = variance + contamination(*self.outliers, level)
-        if not self.own_bias_std:
-            rows = self._rows(ranges, latest, correction, variance)
-        else:
-            rows = self._rows(ranges, latest, correction, variance - alike[:, None], self.bias_std**2)
+        noise, constant = (variance - alike[:, None], self.bias_std**2) if self.own_bias_std else (variance, 0.0)
+        rows = self._rows(ranges, latest, correction, noise, constant)
         return variance, rows if measurement.overcounted is None else rows.counted(measurement.overcounted)
 
     def _rows(

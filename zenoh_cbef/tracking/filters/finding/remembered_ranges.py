@@ -10,6 +10,7 @@ import numpy as np
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.diagnostics import Diagnostics
+from zenoh_cbef.tracking.filters.base import Belief, Shared, Tied
 from zenoh_cbef.tracking.filters.finding.squared_ranges import Seen
 from zenoh_cbef.tracking.filters.information_form import pack
 from zenoh_cbef.tracking.linalg import BY_LIBRARY, Inversion, inverse, matvec, neighbour_sum, outer
@@ -41,10 +42,11 @@ class Wandering:
 class Remembered:
     """Ranges of k steps: rows (n, k, s), innovations and ages (n, k), whether measured (n, k). 0 where they were not.
 
-    state: (n, s), where they are linearised.
+    state: (n, s), where they are linearised. distance: (n, k), m, from there.
     """
 
     state: Floats
+    distance: Floats
     rows: Floats
     innovation: Floats
     ages: Floats
@@ -58,8 +60,9 @@ class Remembered:
             space, np.repeat(state, kept, axis=0), seen.positions.reshape(-1, 3), seen.ages.ravel()
         )
         measured = np.isfinite(seen.ranges)
-        innovation = np.where(measured, seen.ranges - predicted.reshape(count, kept), 0.0)
-        return cls(state, rows.reshape(count, kept, -1), innovation, seen.ages, measured)
+        distance = predicted.reshape(count, kept)
+        innovation = np.where(measured, seen.ranges - distance, 0.0)
+        return cls(state, distance, rows.reshape(count, kept, -1), innovation, seen.ages, measured)
 
     def expected(self, covariance: Floats) -> Floats:
         """H P H^T of covariances (n, s, s): (n, k), m^2."""
@@ -108,15 +111,39 @@ class Remembered:
         rows = np.where(self.measured[:, :, None], self.rows, 0.0)
         return inversion.information(rows, noise, self._equivalent)
 
+    def shared(
+        self,
+        weight: Floats,
+        variance: Floats,
+        wandering: Wandering,
+        axes: int,
+        prior: Belief,
+        *,
+        agents: int,
+        inversion: Inversion,
+    ) -> Shared:
+        """The same on (x, d, s), for an error d, m, that all ranges of an agent share, and one s for each metre.
+
+        prior: what as many agents knew of x before, of which each tells its part.
+        """
+        errors = np.stack([np.ones_like(self.distance), self.distance], axis=2)
+        rows = np.where(self.measured[:, :, None], np.concatenate([self.rows, errors], axis=2), 0.0)
+        noise, size = self._noise(weight, variance, wandering, axes), self.rows.shape[2]
+        vector, matrix = inversion.information(rows, noise, self._equivalent)
+        known = inversion.inverse(prior.known_covariance) / agents
+        vector[:, :size] += matvec(known, prior.state)
+        matrix[:, :size, :size] += known
+        return Shared(vector, matrix)
+
     def constant_given(
         self, weight: Floats, variance: Floats, wandering: Wandering, axes: int, constant: float
-    ) -> tuple[Floats, Floats, Floats]:
-        """What the ranges say of such an error given the state x: N(a + b^T x, s); a (n,), b (n, s), s (n,)."""
+    ) -> Tied:
+        """What the ranges say of such an error given x. constant: its variance before them, m^2."""
         noise = inverse(self._noise(weight, variance, wandering, axes))
         share = np.add.reduce(np.where(self.measured[:, :, None], noise, 0.0), axis=1) * self.measured
         left = 1.0 / (1.0 / constant + np.add.reduce(share, axis=1))
         gain = left[:, None] * share
-        return np.add.reduce(gain * self._equivalent, axis=1), -matvec(self.rows.swapaxes(1, 2), gain), left
+        return Tied(np.add.reduce(gain * self._equivalent, axis=1), -matvec(self.rows.swapaxes(1, 2), gain), left)
 
     def _noise(self, weight: Floats, variance: Floats, wandering: Wandering, axes: int) -> Floats:
         """Covariance (n, k, k) of the errors of ranges, m^2."""

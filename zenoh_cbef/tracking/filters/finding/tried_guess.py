@@ -99,7 +99,7 @@ class TriedGuess(FirstFix):
             mixed, own = (_sound(part, squares, squared.unknowns) for part in (payload, update.payload))
             fix = _either(squares, self._fix_at_rest(mixed, own, prior, step), fix)
         if step >= self.steps:
-            return Belief(fix.state, fix.covariance, parts=(self._tied(fix, Seen(*history[2:5])),))
+            return Belief(fix.state, fix.covariance, parts=(self._tied(fix, Seen(*history[2:5]), prior),))
         # A guess is tried once: below zero there is nothing left to be tried.
         left = np.where(squares, left - 1.0, left)
         left = np.where(squares & (left == 0.0) & (step > 1), -1.0, left)

@@ -10,7 +10,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Floats
 from zenoh_cbef.tracking.copying import replace
-from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Tied, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     informing,
@@ -20,6 +20,7 @@ from zenoh_cbef.tracking.filters.information_form import (
     unless_alone,
     variance_of,
 )
+from zenoh_cbef.tracking.filters.models.mixtures import wider
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.filters.weighing import saturated_precision, saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
@@ -60,7 +61,7 @@ class BiasedInformation:
 
     range_std: sigma (m). network_size: n. common_std, own_std: priors of c and d_i, m. xi: saturation level in standard
     deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending). widens: see
-    `saturated_precision`. forgetting: see FORGETTING.
+    `saturated_precision`. forgetting: see FORGETTING. apart: see `JointBiases`.
     """
 
     motion: LinearMotion
@@ -73,6 +74,7 @@ class BiasedInformation:
     power: int = 1
     widens: float = 0.0
     forgetting: float = FORGETTING
+    apart: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -94,6 +96,7 @@ class BiasedInformation:
             power=settings.power,
             widens=settings.widens,
             forgetting=forgetting(settings),
+            apart=settings.whole_biases,
         )
 
     @cached_property
@@ -164,6 +167,8 @@ class BiasedInformation:
     def widened(self, memory: tuple[Floats, ...], factor: Floats) -> tuple[Floats, ...]:
         """The same with the covariance of all but biases multiplied by factors (n,)."""
         state, covariance, own, own_variance, cross = memory
+        if self.apart:
+            return state, wider(covariance, factor, self.motion.size), own, own_variance, cross
         scale = np.repeat(np.sqrt(factor)[:, None], state.shape[1], axis=1)
         scale[:, -1] = 1.0  # The common bias.
         covariance = covariance * (scale[:, :, None] * scale[:, None, :])
@@ -182,9 +187,8 @@ class BiasedInformation:
         covariance[:, :size, :size] = belief.known_covariance
         covariance[:, size, size] = self.common_std**2
         state, none = np.pad(belief.state, ((0, 0), (0, 1))), np.zeros((count, size + 1))
-        if belief.tied is None:
+        if not isinstance(tied := belief.tied, Tied):
             return state, covariance, np.zeros(count), np.full(count, self.own_std**2), none
-        offset, slope, given = belief.tied
-        cross = matvec(belief.known_covariance, slope)
-        own = offset + np.sum(slope * belief.state, axis=1)
-        return state, covariance, own, given + np.sum(slope * cross, axis=1), np.pad(cross, ((0, 0), (0, 1)))
+        cross = matvec(belief.known_covariance, tied.slope)
+        own = tied.offset + np.sum(tied.slope * belief.state, axis=1)
+        return state, covariance, own, tied.given + np.sum(tied.slope * cross, axis=1), np.pad(cross, ((0, 0), (0, 1)))

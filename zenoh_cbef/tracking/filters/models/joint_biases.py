@@ -10,7 +10,7 @@ import numpy as np
 
 from zenoh_cbef.arrays import Bools, Floats
 from zenoh_cbef.tracking.copying import replace
-from zenoh_cbef.tracking.filters.base import Belief, Bias, Sharing, Update
+from zenoh_cbef.tracking.filters.base import Belief, Bias, Shared, Sharing, Tied, Update
 from zenoh_cbef.tracking.filters.information_form import (
     belief_of,
     informing,
@@ -20,7 +20,7 @@ from zenoh_cbef.tracking.filters.information_form import (
     unless_alone,
     variance_of,
 )
-from zenoh_cbef.tracking.filters.models.mixtures import elsewhere
+from zenoh_cbef.tracking.filters.models.mixtures import elsewhere, wider
 from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.filters.weighing import weigh
@@ -32,8 +32,8 @@ from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 MOST = 12
 """The most agents of which all biases travel in each message: its length grows with the square of their number."""
 
-_LEAST = 1e-9
-"""Least variance of a bias given the state, over the range noise's."""
+LEAST = 1e-9
+"""Least variance of a bias, and of one given the state, over the range noise's."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,9 @@ class JointBiases:
 
         V_i = (P^-1 x/n, 0) + a T^T/s + ...,   O_i = (P^-1/n, 0) + T^T T/s + ...,   T = (-b, e_i)
 
-    Where biases have a common part nothing is known of them before that, and all begin with the same state and prior.
+    Where biases have a common part, it is in all that a fix says of the target. So an agent begins with its part of
+    what all ranges of the fix say of (x, d), and the n-th part of the prior of d. By earlier rules it was as if no
+    bias had been in the fix, and all began with the same state and prior.
 
     Ranges may also all be too long by the same share, where the speed of the wave, a clock or the map's unit is a
     little off. Then y ends with that share s ~ N(0, scale_std^2):
@@ -64,7 +66,8 @@ class JointBiases:
     The bias that an agent tells is what it takes off its range: d_i + s |p - p_i|.
 
     range_std: sigma (m). network_size: n. own_std, common_std: beta and gamma, m. xi: saturation level in standard
-    deviations. power, widens, outliers: as in sicf. scale_std: 0 where ranges have no share in common.
+    deviations. power, widens, outliers: as in sicf. scale_std: 0 where ranges have no share in common. apart: whether
+    a target that may be elsewhere says nothing of biases; by earlier rules their correlations with it stayed.
     """
 
     motion: LinearMotion
@@ -78,6 +81,7 @@ class JointBiases:
     outliers: Errors | None = None
     common_std: float = 0.0
     scale_std: float = 0.0
+    apart: bool = False
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -100,6 +104,7 @@ class JointBiases:
             outliers=settings.weighed,
             common_std=settings.common_bias_std,
             scale_std=settings.scale_std,
+            apart=settings.whole_biases,
         )
 
     @property
@@ -117,7 +122,10 @@ class JointBiases:
         transition, noise = self._dynamics
         state = matvec(transition, state)
         covariance = transition @ covariance @ transition.T + noise
-        vector, matrix = self._share(state, covariance, begins > 0.0, own)
+        if isinstance(belief.tied, Shared):
+            vector, matrix = self._told(belief.tied, own)
+        else:
+            vector, matrix = self._share(state, covariance, begins > 0.0, own)
         size = self.motion.size
         measured = np.isfinite(measurement.range)
         variance = variance_of(measurement, self.range_std)
@@ -156,6 +164,8 @@ class JointBiases:
         if self.network_size > 1:
             averaged = unless_alone(averaged, payload, replace(update, kept=tuple(prior)))
         state, covariance = averaged.state, averaged.known_covariance
+        if self.common_std and np.count_nonzero(begins):
+            covariance = covariance + begins[:, None, None] * self._dynamics[1]
         size = self.motion.size
         variance = np.add.reduce(bias_row * matvec(covariance, bias_row), axis=1)
         bias, std = np.add.reduce(bias_row * state, axis=1), np.sqrt(np.maximum(variance, 0.0))
@@ -174,21 +184,22 @@ class JointBiases:
         covariance = np.zeros((len(state), state.shape[1], state.shape[1]))
         covariance[:, size:, size:] = self._prior
         covariance[:, :size, :size] = belief.known_covariance
-        if belief.tied is not None:
-            offset, slope, given = belief.tied
-            cross, place = matvec(belief.known_covariance, slope), size + own
-            state[count, place] = offset + np.add.reduce(slope * belief.state, axis=1)
+        if isinstance(tied := belief.tied, Tied):
+            cross, place = matvec(belief.known_covariance, tied.slope), size + own
+            state[count, place] = tied.offset + np.add.reduce(tied.slope * belief.state, axis=1)
             covariance[count, place, :size] = covariance[count, :size, place] = cross
-            covariance[count, place, place] = given + np.add.reduce(slope * cross, axis=1)
+            covariance[count, place, place] = tied.given + np.add.reduce(tied.slope * cross, axis=1)
         # A prior of what all biases have in common is known to all, and no agent's own.
-        return state, covariance, np.full(len(state), 0.0 if self.common_std else 1.0)
+        alone = isinstance(tied, Shared) or not self.common_std
+        return state, covariance, np.full(len(state), float(alone))
 
     @cached_property
     def _prior(self) -> Floats:
         """Covariance of what does not change, before the first range."""
         prior = np.diag(np.full(self._constants, self.scale_std**2))
         biases = slice(0, self.network_size)
-        prior[biases, biases] = self.common_std**2 + self.own_std**2 * np.eye(self.network_size)
+        own = max(self.own_std**2, LEAST * self.range_std**2)
+        prior[biases, biases] = self.common_std**2 + own * np.eye(self.network_size)
         return prior
 
     def moved(self, memory: tuple[Floats, ...], place: Belief) -> tuple[Floats, ...]:
@@ -198,6 +209,8 @@ class JointBiases:
     def widened(self, memory: tuple[Floats, ...], factor: Floats) -> tuple[Floats, ...]:
         """The same with the covariance of the target multiplied by factors (n,)."""
         state, covariance, begins = memory
+        if self.apart:
+            return state, wider(covariance, factor, self.motion.size), begins
         scale = np.ones_like(state)
         scale[:, : self.motion.size] = np.sqrt(factor)[:, None]
         return state, covariance * (scale[:, :, None] * scale[:, None, :]), begins
@@ -212,7 +225,7 @@ class JointBiases:
         cross = covariance[count, place, :size]
         slope = matvec(known, cross)
         given = covariance[count, place, place] - np.add.reduce(slope * cross, axis=1)
-        precision = 1.0 / np.maximum(given, _LEAST * self.range_std**2)
+        precision = 1.0 / np.maximum(given, LEAST * self.range_std**2)
         row = np.zeros_like(state)
         row[:, :size], row[count, place] = -slope, 1.0
         first = precision[:, None, None] * outer(row, row)
@@ -220,6 +233,24 @@ class JointBiases:
         alone = (precision * np.add.reduce(row * state, axis=1))[:, None] * row
         alone[:, :size] += matvec(known, state[:, :size]) / self.network_size
         return np.where(begins[:, None], alone, vector), np.where(begins[:, None, None], first, matrix)
+
+    def _told(self, shared: Shared, own: Rows) -> tuple[Floats, Floats]:
+        """The same where a first fix tells of biases that have a common part, with the n-th part of their prior.
+
+        Of the fix's step; parts of information cannot allow for the motion since, which is added to what they make.
+        """
+        size, count = self.motion.size, len(own)
+        total, kept = size + self._constants, size + 1 + (self.scale_std > 0.0)
+        places = np.tile(np.arange(kept), (count, 1))
+        places[:, size] += own
+        places[:, size + 1 :] = total - 1
+        back, rows = np.eye(kept), np.arange(count)[:, None]
+        back[:size, :size] = np.linalg.inv(self.motion.transition)
+        vector, matrix = np.zeros((count, total)), np.zeros((count, total, total))
+        vector[rows, places] = shared.vector[:, :kept] @ back
+        matrix[rows[:, :, None], places[:, :, None], places[:, None]] = back.T @ shared.matrix[:, :kept, :kept] @ back
+        matrix[:, size:, size:] += inverse(self._prior[None]) / self.network_size
+        return vector, matrix
 
     def _known(self, state: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """The n-th part of what a belief tells: vector and matrix."""

@@ -124,3 +124,14 @@ def elsewhere(known: tuple[Floats, Floats], place: Belief) -> tuple[Floats, Floa
     covariance[:, :size] = covariance[:, :, :size] = 0.0
     covariance[:, :size, :size] = place.known_covariance
     return state, covariance
+
+
+def wider(covariance: Floats, factor: Floats, size: int) -> Floats:
+    """Covariances (n, s, s) with that of the first components, so many, multiplied by factors (n,), m^2.
+
+    What is added has nothing to do with the others. Were their correlations to stay, of a bias and a place whose sum
+    is known, the next range would tell the bias from the place, of which it says nothing.
+    """
+    wide = covariance.copy()
+    wide[:, :size, :size] *= factor[:, None, None]
+    return wide

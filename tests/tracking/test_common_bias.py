@@ -1,0 +1,54 @@
+"""A constant that all recorded ranges have is told from the place of a target beside the agents."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.datasets.made import scenario_of
+from zenoh_cbef.simulator import simulate
+
+ANCHORS = [(-15, -21, 20), (7, -15, 0), (-26, -20, 20), (23, -24, 0), (-12, -30, 20), (15, -20, 0), (2, -12, 20)]
+
+
+def path(time):
+    """A slow walk beside all anchors, (k, 3), m."""
+    return np.stack(
+        [18.0 - 0.15 * time, 9.0 - 0.05 * time + 0.5 * np.sin(0.2 * time), np.full_like(time, 3.0)], axis=-1
+    )
+
+
+def recorded(folder, seed):
+    """Three ranges a second of each anchor, all of them three deviations too long."""
+    random, rows = np.random.default_rng(seed), list[tuple[float, int, float]]()
+    for number, anchor in enumerate(ANCHORS):
+        time = np.arange(random.uniform(0.0, 0.3), 40.0, 0.3)
+        ranges = np.linalg.norm(path(time) - anchor, axis=1) + 0.3 + 0.1 * random.normal(size=len(time))
+        rows += [(t, number, r) for t, r in zip(time.tolist(), ranges.tolist(), strict=True)]
+    folder.mkdir()
+    times = np.arange(0.0, 40.0, 0.1)
+    lines = {
+        "anchors": ["id,x,y,z", *(f"{number},{x},{y},{z}" for number, (x, y, z) in enumerate(ANCHORS))],
+        "ranges": ["t,anchor_id,range", *(f"{t},{number},{r}" for t, number, r in sorted(rows))],
+        "truth": ["t,x,y,z", *(f"{t},{x},{y},{z}" for t, (x, y, z) in zip(times, path(times).tolist(), strict=True))],
+    }
+    for name, said in lines.items():
+        (folder / f"{name}.csv").write_text("\n".join(said))
+    return folder
+
+
+def test_recorded_ranges_that_are_all_too_long_leave_agents_beside_the_target_honest(tmp_path):
+    sets = [recorded(tmp_path / str(seed), seed) for seed in (1, 2, 3)]
+    errors, nees = {}, {}
+    for rules in (27, 28):
+        told = "filter.range_std=0.1", "filter.planar_height=3", "filter.bias=estimate"
+        keys = "dt=0.1", *told, f"filter.defaults={rules}"
+        off, sure = [], []
+        for folder in sets:
+            (trace,) = simulate([scenario_of(folder, *keys)])
+            away = (trace.estimates - trace.truth)[0, 100:, :2]
+            known = np.linalg.inv(trace.covariances[0, 100:, :2, :2])
+            off.append(np.sqrt(np.nanmean(np.sum(away**2, axis=1))))
+            sure.append(np.nanmean(np.einsum("ki,kij,kj->k", away, known, away)) / 2.0)
+        errors[rules], nees[rules] = np.mean(off), np.mean(sure)
+    assert errors[28] < 0.7 * errors[27]
+    assert nees[28] < 1.0 < nees[27]
