@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import tomli_w
 from hypothesis import HealthCheck, given
 
@@ -73,6 +74,13 @@ def test_silent_agents_give_the_simulators_bits(world):
     silent = read_trace(world.log).diagnostics.silent
     assert (silent[:, 10:] > 0.0).any()
     assert (silent[:, 10:] < 3.0).any()
+
+
+def test_receivers_that_say_zero_are_heard_as_in_the_simulator(world):
+    near = {"count": 5, "low": -3.0, "high": 3.0}
+    biased = {"seed": 1018, "steps": 30, "agents": near, "sensor": {"bias_std": 3.0}}
+    assert run(world, biased).messages.rejected == 0
+    assert np.isnan(read_trace(world.log).ranges).any()
 
 
 @examples(2, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
