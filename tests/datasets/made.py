@@ -21,6 +21,17 @@ def write(folder, anchors=ANCHORS, ranges=RANGES, truth=TRUTH):
     return folder
 
 
+def write_rows(folder, anchors, ranges, truth):
+    """The files of anchors (n, 3), m, rows (time, anchor's row, range), and rows (time, x, y, z)."""
+    tables = {
+        "id,x,y,z": [(number, *place) for number, place in enumerate(anchors)],
+        "t,anchor_id,range": sorted(ranges),
+        "t,x,y,z": truth,
+    }
+    texts = ["\n".join([head, *(",".join(map(str, row)) for row in rows)]) for head, rows in tables.items()]
+    return write(folder, *texts)
+
+
 def scenario_of(folder, *overrides):
     base = ["target.motion=dataset", f'target.path="{folder}"', "network.graph=complete"]
     return load("tracking", [*base, *overrides]).scenario

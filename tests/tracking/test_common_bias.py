@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.datasets.made import scenario_of
+from tests.datasets.made import scenario_of, write_rows
 from zenoh_cbef.simulator import simulate
 
 ANCHORS = [(-15, -21, 20), (7, -15, 0), (-26, -20, 20), (23, -24, 0), (-12, -30, 20), (15, -20, 0), (2, -12, 20)]
@@ -24,16 +24,9 @@ def recorded(folder, seed):
         time = np.arange(random.uniform(0.0, 0.3), 40.0, 0.3)
         ranges = np.linalg.norm(path(time) - anchor, axis=1) + 0.3 + 0.1 * random.normal(size=len(time))
         rows += [(t, number, r) for t, r in zip(time.tolist(), ranges.tolist(), strict=True)]
-    folder.mkdir()
     times = np.arange(0.0, 40.0, 0.1)
-    lines = {
-        "anchors": ["id,x,y,z", *(f"{number},{x},{y},{z}" for number, (x, y, z) in enumerate(ANCHORS))],
-        "ranges": ["t,anchor_id,range", *(f"{t},{number},{r}" for t, number, r in sorted(rows))],
-        "truth": ["t,x,y,z", *(f"{t},{x},{y},{z}" for t, (x, y, z) in zip(times, path(times).tolist(), strict=True))],
-    }
-    for name, said in lines.items():
-        (folder / f"{name}.csv").write_text("\n".join(said))
-    return folder
+    truth = [(t, *place) for t, place in zip(times.tolist(), path(times).tolist(), strict=True)]
+    return write_rows(folder, ANCHORS, rows, truth)
 
 
 def test_recorded_ranges_that_are_all_too_long_leave_agents_beside_the_target_honest(tmp_path):

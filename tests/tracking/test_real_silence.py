@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.datasets.made import scenario_of
+from tests.datasets.made import scenario_of, write_rows
 from zenoh_cbef.simulator import simulate
 from zenoh_cbef.tracking.status import ACQUIRING
 
@@ -33,16 +33,9 @@ def recorded(folder, seed, *, late=0.0):
         ranges = np.linalg.norm(corners(time) - anchor, axis=1) + 0.05 * random.normal(size=len(time))
         ranges += wrong * spoils.exponential(30.0, len(time))
         rows += [(t, number, r) for t, r in zip(time, ranges, strict=True)]
-    folder.mkdir()
     time = np.arange(0.0, 60.0, 0.05)
-    lines = {
-        "anchors": ["id,x,y,z", *(f"{number},{x},{y},0" for number, (x, y) in enumerate(ANCHORS))],
-        "ranges": ["t,anchor_id,range", *(f"{t},{number},{r}" for t, number, r in sorted(rows))],
-        "truth": ["t,x,y,z", *(f"{t},{x},{y},0" for t, (x, y) in zip(time, corners(time), strict=True))],
-    }
-    for name, said in lines.items():
-        (folder / f"{name}.csv").write_text("\n".join(said))
-    return folder
+    truth = [(t, x, y, 0) for t, (x, y) in zip(time, corners(time), strict=True)]
+    return write_rows(folder, [(*anchor, 0) for anchor in ANCHORS], rows, truth)
 
 
 @pytest.fixture(scope="module")

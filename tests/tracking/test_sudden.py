@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.datasets.made import scenario_of
+from tests.datasets.made import scenario_of, write_rows
 from tests.tracking.resting import AGENTS, MOTION, PLACES, STD, measured
 from zenoh_cbef.scenario import trust
 from zenoh_cbef.scenario.load import load
@@ -37,13 +37,8 @@ def recording(folder, way, seed=1, *, reflects=False):
         range_ += 0.8 * (reflects and number == 4) * ((at > 19.5) & (at < 24.5))
         rows += [(t, number, r) for t, r in zip(at, range_, strict=True)]
     time = np.arange(0.0, SECONDS, 0.05)
-    folder.mkdir()
-    anchors = [f"{number},{x},{y},0" for number, (x, y) in enumerate(ANCHORS)]
-    (folder / "anchors.csv").write_text("\n".join(["id,x,y,z", *anchors]))
-    (folder / "ranges.csv").write_text("\n".join(["t,anchor_id,range", *(f"{t},{n},{r}" for t, n, r in sorted(rows))]))
-    truth = [f"{t},{x},{y},0" for t, (x, y) in zip(time, way(time), strict=True)]
-    (folder / "truth.csv").write_text("\n".join(["t,x,y,z", *truth]))
-    return folder
+    truth = [(t, x, y, 0) for t, (x, y) in zip(time, way(time), strict=True)]
+    return write_rows(folder, [(*anchor, 0) for anchor in ANCHORS], rows, truth)
 
 
 def drives_off(time):
