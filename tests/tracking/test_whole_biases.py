@@ -82,16 +82,6 @@ def test_agents_begin_with_all_that_the_ranges_of_a_fix_say(scale):
     np.testing.assert_allclose(found.memory[1][0], covariance, rtol=1e-6, atol=1e-8)
 
 
-def test_biases_may_have_nothing_but_their_common_part():
-    random = np.random.default_rng(7)
-    ranges, prior = fixed(random)
-    alone = JointBiases.of(replace(WHOLE, own_bias_std=0.0), np.inf)
-    belief = averaged(begun(ranges, prior), heard(random), alone)
-    found = belief.memory[0][:, 6:]
-    np.testing.assert_allclose(found, np.full_like(found, found[0, 0]), rtol=1e-3)
-    assert np.isfinite(belief.known_covariance).all()
-
-
 def test_so_does_the_centralised_filter():
     """Which has the common part of all biases as a state of its own."""
     ranges, prior = fixed(np.random.default_rng(4))
@@ -104,6 +94,16 @@ def test_so_does_the_centralised_filter():
         whole[:6, :6], whole[6:, 7:], whole[6 : 6 + COUNT, 6] = np.eye(6), np.eye(len(mean) - 6), 1.0
         np.testing.assert_allclose(whole @ belief.state[0], mean, rtol=1e-6, atol=1e-8)
         np.testing.assert_allclose(whole @ belief.known_covariance[0] @ whole.T, covariance, rtol=1e-6, atol=1e-8)
+
+
+def test_biases_may_have_nothing_but_their_common_part():
+    random = np.random.default_rng(7)
+    ranges, prior = fixed(random)
+    alone = JointBiases.of(replace(WHOLE, own_bias_std=0.0), np.inf)
+    belief = averaged(begun(ranges, prior), heard(random), alone)
+    found = belief.memory[0][:, 6:]
+    np.testing.assert_allclose(found, np.full_like(found, found[0, 0]), rtol=1e-3)
+    assert np.isfinite(belief.known_covariance).all()
 
 
 @pytest.mark.parametrize("joint", [True, False])

@@ -108,9 +108,7 @@ class _Joint:
         stds = [settings.common_bias_std, *[settings.own_bias_std] * self.agents]
         prior = np.square([*stds, settings.scale_std])
         if isinstance(tied, Shared):
-            self._biased = self._scaled = self._together(tied, prior[:-1])
-            if settings.scale_std:
-                self._scaled = self._together(tied, prior)
+            self._biased, self._scaled = (self._together(tied, each) for each in (prior[:-1], prior))
             return
         covariance = np.zeros((len(initial.state), size + len(prior), size + len(prior)))
         covariance[:, :size, :size] = initial.known_covariance
