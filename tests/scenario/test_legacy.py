@@ -14,4 +14,4 @@ def test_a_log_that_has_the_key_keeps_it():
 
 
 def test_a_scenario_of_today_is_of_todays_rules():
-    assert parse({}, "a scenario").filter.defaults == 28
+    assert parse({}, "a scenario").filter.defaults == 29

@@ -31,7 +31,7 @@ def test_agents_tell_ranges_that_leave_a_curve_or_several_places(sets):
     for rules, tells in ((14, False), (15, True)):
         plan = plan_of(*sets, rules=rules)
         assert plan.tells_ranges is tells
-        assert plan.splits == (CLOSELY if tells else 0)
+        assert plan.settings.splits == (CLOSELY if tells else 0)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from zenoh_cbef.scenario.filtering import Filtering
 from zenoh_cbef.scenario.load import load
 from zenoh_cbef.tracking.filters import make_filter
 from zenoh_cbef.tracking.filters.around.auto_bias import AutoBias
-from zenoh_cbef.tracking.filters.around.evidence import SQUARES, Evidence
+from zenoh_cbef.tracking.filters.around.evidence import MEMORY, SQUARES, Evidence
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 
 
@@ -88,6 +88,36 @@ def test_nothing_is_presumed_before_the_first_range():
     assert evidence.weight(evidence.begun(2)).tolist() == [0.0, 0.0]
     # The filter with biases may claim more in a step: that mean is below zero, and no count.
     assert evidence.least.tolist() == [0.0, 0.0, 0.0, 0.0, -np.inf]
+
+
+def sums_of(ranges, first, second):
+    """What so many ranges of the network say, of means of both cut squares."""
+    return np.array([[first * ranges, second * ranges, ranges, ranges, 0.0]], dtype=float)
+
+
+def test_agents_leave_a_bias_open_until_they_know_whether_errors_last():
+    evidence = Evidence(ratios=True, lasting=True, presumes=True, opens=True)
+    assert evidence.claimed(evidence.begun(3), 4).tolist() == [0.5] * 3
+    for ranges, agents, wanted in ((160, 4, 0.5), (240, 4, 0.25), (320, 4, 0.0), (320, 8, 0.5), (1600, 100, 0.0)):
+        assert evidence.claimed(sums_of(ranges, 0.9, 0.9), agents).tolist() == [wanted]
+    # The memory of a network of any size ends that.
+    assert evidence.claimed(sums_of(MEMORY, 0.9, 0.9), 500).tolist() == [0.0]
+
+
+def test_ranges_that_a_bias_makes_less_likely_close_that():
+    evidence = Evidence(ratios=True, lasting=True, presumes=True, opens=True)
+    for second, wanted in ((1.1, 0.5), (1.25, 0.25), (1.4, 0.0)):
+        assert evidence.claimed(sums_of(100, 0.9, second), 4)[0] == pytest.approx(wanted)
+    believed = sums_of(100, 1.5, 0.9)
+    assert evidence.claimed(believed, 4).tolist() == evidence.weight(believed).tolist() == [1.0]
+
+
+def test_by_the_rules_before_and_between_two_filters_with_biases_nothing_is_open():
+    for evidence in (Evidence(ratios=True, lasting=True, presumes=True), replace(SQUARES, presumes=True, opens=True)):
+        begun = evidence.begun(2)
+        assert evidence.claimed(begun, 4).tolist() == evidence.weight(begun).tolist()
+    for rules, opens in ((28, False), (29, True)):
+        assert Filtering(load("lawnmower", [f"filter.defaults={rules}"]).scenario).settings.opens_biases is opens
 
 
 def test_a_bias_that_gains_more_than_following_errors_can_is_believed_whatever_noise_was_told():

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from zenoh_cbef.scenario.filtering import Filtering
+from zenoh_cbef.scenario.load import load
+from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import FilterSettings
-from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.base import Belief, Bias
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
 from zenoh_cbef.tracking.motion import NearlyConstantVelocity
@@ -36,6 +40,50 @@ def test_another_place_owes_nothing_to_biases_and_leaves_them_as_they_are():
     # What was handed over is as it was.
     for kept, once in zip(before, memory(), strict=True):
         np.testing.assert_array_equal(kept, once)
+
+
+def test_another_place_forgets_biases_that_are_beyond_belief():
+    before, place = memory(), Belief(np.zeros((2, 6)), np.tile(np.eye(6), (2, 1, 1)))
+    before[0][:, 6], before[2][:] = [1.5, -2.0], [0.4, -0.6]
+    chosen = replace(FILTER, most=2.5)
+    state, covariance, own, variance, cross = chosen.moved(before, place)
+    assert state[:, 6].tolist() == [1.5, 0.0]
+    assert own.tolist() == [0.4, 0.0]
+    np.testing.assert_array_equal(covariance[:, 6, 6], [before[1][0, 6, 6], 0.5**2])
+    np.testing.assert_array_equal(variance, [before[3][0], 0.4**2])
+    np.testing.assert_array_equal(cross[:, 6], [before[4][0, 6], 0.0])
+
+
+def test_so_do_agents_that_estimate_all_together():
+    settings = FilterSettings(MOTION, Space(), 0.1, 2.0, 2, common_bias_std=0.5, own_bias_std=0.4, scale_std=0.05)
+    chosen = replace(JointBiases.of(settings, 2.0), most=2.5)
+    random = np.random.default_rng(5)
+    root = random.normal(size=(2, 9, 9))
+    before = random.normal(size=(2, 9)), root @ root.swapaxes(1, 2), np.zeros(2)
+    before[0][:, 6:] = [[2.0, -2.4, 0.1], [0.3, 2.6, 0.2]]
+    place = Belief(np.zeros((2, 6)), np.tile(np.eye(6), (2, 1, 1)))
+    state, covariance, begins = chosen.moved(before, place)
+    assert state[:, 6:].tolist() == [[2.0, -2.4, 0.1], [0.0] * 3]
+    np.testing.assert_array_equal(covariance[0, 6:, 6:], before[1][0, 6:, 6:])
+    np.testing.assert_allclose(covariance[1, 6:, 6:], [[0.41, 0.25, 0], [0.25, 0.41, 0], [0, 0, 0.0025]])
+    assert not covariance[:, :6, 6:].any()
+    assert not begins.any()
+
+
+def test_only_biases_of_real_ranges_are_beyond_belief():
+    for keys, most in (
+        (("lawnmower",), 4.0 * np.hypot(1.5, 0.2) * 1.5),
+        (("lawnmower", "filter.defaults=28"), np.inf),
+        (("tracking", "sensor.bias_std=1"), np.inf),
+    ):
+        assert Filtering(load(keys[0], keys[1:]).scenario).settings.most_bias == pytest.approx(most)
+
+
+def test_a_fix_takes_no_bias_off_ranges_that_is_beyond_belief():
+    bias = Bias(np.array([1.0, 3.0, -3.0]), np.ones(3), np.array([1.0, 1.0, 0.5]), np.array([0.1, 0.0, 0.0]))
+    ranges, distance = np.array([12.0, 12.0, 12.0]), np.array([5.0, 5.0, 5.0])
+    np.testing.assert_allclose(bias.taken_off(ranges, distance), [11.5 / 1.1, 9.0, 13.5])
+    np.testing.assert_allclose(bias.taken_off(ranges, distance, 2.5), [11.5 / 1.1, 12.0, 12.0])
 
 
 def test_a_belief_is_widened_in_all_but_biases():

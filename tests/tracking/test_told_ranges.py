@@ -55,7 +55,7 @@ def test_of_several_motions_hypotheses_stay_where_a_step_has_few_ranges(sets, to
     for rules in (13, 14):
         plan = Plan(load("tracking", [*sets, f"filter.defaults={rules}"]).scenario)
         splits = rules == 14 and sets is not CORNERS
-        assert plan.splits == ROUGHLY * splits
+        assert plan.settings.splits == ROUGHLY * splits
         assert plan.tells_ranges is (told or splits)
 
 

@@ -26,7 +26,7 @@ class Model(Table):
     turn_rate_change: Factor | None = None
 
 
-NEWEST = 28
+NEWEST = 29
 """The rules that a scenario is of which names none."""
 
 

@@ -97,11 +97,6 @@ class Filtering(Meant):
         chosen, several = self.scenario.filter, self.models or self.noises
         return self.tells_ranges and not several and chosen.reacquire and chosen.defaults > 12
 
-    @property
-    def splits(self) -> int:
-        """How each motion's hypotheses are split, of agents that tell each other their ranges; 0: it keeps one."""
-        return telling.splits(self.scenario, self.models or (self.motion,), self.range_std) if self.tells_ranges else 0
-
     @alike
     def plain_motion(self) -> LinearMotion:
         """What smoothing and predictions are computed with: linear, in position and velocity."""
@@ -129,8 +124,7 @@ class Filtering(Meant):
         chosen = self.scenario.filter
         fits = trust.shares_biases(self.scenario) if self.tells_ranges else not self.models
         single = self.distrusts_others or (chosen.recovery is True and chosen.defaults < 2)
-        unfit = single or not (fits and isinstance(self.motion, LinearMotion))
-        return trust.bias(self.scenario, unfit=unfit)
+        return trust.bias(self.scenario, unfit=single or not (fits and isinstance(self.motion, LinearMotion)))
 
     @alike
     def squares(self) -> bool:
@@ -141,10 +135,10 @@ class Filtering(Meant):
     @alike
     def plane(self) -> Plane | None:
         """The plane that agents are so near that they track target and mirror image until ranges tell them apart."""
-        single = self.squares or self.bias != "none" or self.distrusts_others or self.distrusts_own
-        told, several = self.tells_ranges, self.tells_ranges or bool(self.models)
+        several, single = self.tells_ranges or bool(self.models), self.squares or self.distrusts_others
+        single |= not trust.real(self.scenario) and (self.bias != "none" or self.distrusts_own)
         usual = several or self.motion.size == 2 * self.space.axes
-        known = told or (usual and not single and self.abilities.biases)
+        known = self.tells_ranges or (usual and not single and self.abilities.biases)
         return near_plane.plane(self.scenario, self.range_std, self.space.axes, several=several) if known else None
 
     @alike
@@ -177,7 +171,7 @@ class Filtering(Meant):
             squares=self.squares,
             tells_ranges=self.tells_ranges,
             seeks=self.seeks,
-            splits=self.splits,
+            splits=telling.splits(scenario, self.models or (self.motion,), self.range_std) if self.tells_ranges else 0,
             settled=chosen.defaults > 22,
             ties=self._may_leap,
             exact=chosen.defaults > 16 and bool(self.models),
@@ -187,6 +181,7 @@ class Filtering(Meant):
             fits=chosen.defaults > 15 and self.squares and self._leaps,
             plane=self.plane,
             crosses=chosen.defaults > 25,
+            blends=trust.real(scenario),
             space=self.space,
             range_std=self.range_std,
             xi=self.xi,
@@ -218,6 +213,7 @@ class Filtering(Meant):
             weighs_lasting=chosen.defaults > 14,
             weighs_shares=chosen.defaults > 15,
             presumes_biases=trust.lasts(scenario) and chosen.defaults > 23,
+            opens_biases=trust.real(scenario) and chosen.defaults > 28,
             common_bias_std=trust.common_bias_std(scenario, self.range_std, joint=joint),
             own_bias_std=trust.own_bias_std(scenario, self.range_std),
             scale_std=trust.scale_std(scenario) if joint else 0.0,
@@ -254,7 +250,7 @@ class Filtering(Meant):
             damping=start.damping(scenario, self.space.axes),
             spreading=start.spreading(scenario, window),
             deciding=start.deciding(scenario, window),
-            drifts=network.parts(scenario) or not (chosen.defaults > 15 and self.models and self.splits),
+            drifts=network.parts(scenario) or not (chosen.defaults > 15 and self.models and settings.splits),
             awaits=chosen.defaults > (22 if trust.real(scenario) else 15),
             bends=chosen.defaults > 7 and not (tells or (self.models and settings.weighed)),
             prompt=chosen.defaults > 8 and not trust.real(scenario),

@@ -26,19 +26,21 @@ def flat(scenario: Scenario, range_std: float, axes: int) -> bool:
 def plane(scenario: Scenario, range_std: float, axes: int, *, several: bool = False) -> Plane | None:
     """The plane (or of two axes the line) that resting agents are near, wherever a seed places them; None: none.
 
-    Agents in one plane are another matter (bending.py, one_side.py). range_std: m. several: whether they keep several
-    hypotheses, or assume several motions, which by the twenty-fifth rules did not go with mirror images.
+    Agents in one plane are another matter (bending.py, one_side.py). Real ones, as along a wall, may be farther off it:
+    errors that last, outliers, and a target that turns hide for long which side ranges fit. range_std: m. several:
+    whether agents keep several hypotheses, or assume several motions, which by the twenty-fifth rules did not go with
+    mirror images.
     """
-    agents = scenario.agents
-    unfit = (
-        scenario.filter.defaults < (26 if several else 9)
-        or trust.recovers(scenario)
-        or trust.real(scenario)
-        or scenario.consensus.rounds == 0
-    )
-    if unfit or agents.motion != "static" or scenario.count <= axes or bending.mirrored(scenario, range_std, axes):
+    real = trust.real(scenario)
+    unfit = scenario.filter.defaults < (29 if real else 26 if several else 9) or scenario.consensus.rounds == 0
+    unfit |= scenario.agents.motion != "static" or scenario.count <= axes
+    if unfit or (trust.recovers(scenario) and not real) or bending.mirrored(scenario, range_std, axes):
         return None
-    if not _lies_flat(scenario, range_std, axes):
+    near = _lies_flat(scenario, NEAR * range_std, axes)
+    if real:
+        # Of anchors that are as near as that a guess tells the side, where there is one.
+        near = _lies_flat(scenario, np.inf, axes) and not (near and guess_tells_side(scenario, axes))
+    if not near:
         return None
     _, directions, middle = _spread(scenario, axes)
     return tuple(middle.tolist()), tuple(directions[0].tolist())
@@ -51,7 +53,7 @@ def anchors_leave_sides(scenario: Scenario, range_std: float, axes: int) -> bool
     agents presume to be on the side that they are on.
     """
     real = trust.real(scenario) and scenario.filter.defaults > 20 and scenario.agents.motion == "static"
-    flat = real and scenario.count >= axes and _lies_flat(scenario, range_std, axes)
+    flat = real and scenario.count >= axes and _lies_flat(scenario, NEAR * range_std, axes)
     return flat and not guess_tells_side(scenario, axes)
 
 
@@ -65,9 +67,10 @@ def guess_tells_side(scenario: Scenario, axes: int) -> bool:
     return bool((2.0 * np.abs(heights) >= APART * start.initial_std(scenario)[0]).all())
 
 
-def _lies_flat(scenario: Scenario, range_std: float, axes: int) -> bool:
+def _lies_flat(scenario: Scenario, near: float, axes: int) -> bool:
+    """Whether agents are at most so far off a plane, m, root mean square, and reach far along it."""
     spread = _spread(scenario, axes)[0]
-    return bool(spread[0] <= NEAR * range_std and spread[1] >= _FLAT * spread[0])
+    return bool(spread[0] <= near and spread[1] >= _FLAT * spread[0])
 
 
 def _spread(scenario: Scenario, axes: int) -> tuple[Floats, Floats, Floats]:

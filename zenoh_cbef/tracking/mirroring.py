@@ -67,12 +67,24 @@ class Sides:
         return np.asarray(4.0 * apart >= APART**2)
 
 
+def turned(vectors: Floats, plane: Plane) -> Floats:
+    """Vectors (n, s) that begin with a part along the position's axes and one along the velocity's, mirrored."""
+    return np.asarray(np.add.reduce(_reflection(plane, vectors.shape[1]) * vectors[:, None, :], axis=2))
+
+
+def _reflection(plane: Plane, size: int) -> Floats:
+    """What mirrors the directions in a state of so many numbers, (size, size)."""
+    normal = np.array(plane[1])
+    axes, whole = len(normal), np.eye(size)
+    whole[: 2 * axes, : 2 * axes] = np.kron(np.eye(2), np.eye(axes) - 2.0 * normal[:, None] * normal)
+    return whole
+
+
 def mirrored(state: Floats, covariance: Floats, plane: Plane) -> tuple[Floats, Floats]:
     """The mirror images of states (n, s) and covariances (n, s, s) that begin with position and velocity."""
     point, normal = map(np.array, plane)
-    axes, whole = len(normal), np.eye(state.shape[1])
-    whole[: 2 * axes, : 2 * axes] = np.kron(np.eye(2), np.eye(axes) - 2.0 * normal[:, None] * normal)
-    image = np.add.reduce(whole * state[:, None, :], axis=2)
+    axes, whole = len(normal), _reflection(plane, state.shape[1])
+    image = turned(state, plane)
     image[:, :axes] += 2.0 * np.add.reduce(point * normal) * normal
     return image, whole @ covariance @ whole.T
 

@@ -31,6 +31,7 @@ from zenoh_cbef.tracking.filters.finding.one_side import OneSide
 from zenoh_cbef.tracking.filters.finding.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.finding.supposing import Supposing
 from zenoh_cbef.tracking.filters.finding.tried_guess import first_fix
+from zenoh_cbef.tracking.filters.information_form import packed_size
 from zenoh_cbef.tracking.filters.kinds.cbef import Cbef
 from zenoh_cbef.tracking.filters.kinds.cbef_scaled import ScaledCbef
 from zenoh_cbef.tracking.filters.kinds.ci import CovarianceIntersection
@@ -134,7 +135,7 @@ def payloads_of(kind: str, settings: FilterSettings) -> Payloads:
     if settings.tells_ranges or settings.noises or not abilities_of(kind).information:
         return StatePayloads(axes)
     if settings.models or settings.plane:
-        sizes = [one.size for one in settings.models] or [size, size]
+        sizes = [one.size for one in settings.models] or sharing_of(kind, settings).blocks
         return SeveralPayloads(tuple(InformationPayloads(axes, one) for one in sizes))
     omega = float(settings.network_size) if settings.omega is None else settings.omega
     return InformationPayloads(axes, size + settings.constants, (1.0, omega) if kind == "hcmci" else (1.0,))
@@ -195,7 +196,8 @@ def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
 def _of_biases(settings: FilterSettings) -> Evidence:
     """What decides whether to rely on biases."""
     lasting, presumes = settings.weighs_lasting, settings.presumes_biases
-    return Evidence(settings.likelihoods, settings.recorded, lasting=lasting, presumes=presumes)
+    weighs = Evidence(settings.likelihoods, settings.recorded, lasting=lasting, presumes=presumes)
+    return replace(weighs, opens=settings.opens_biases)
 
 
 def _of_shares(settings: FilterSettings) -> Evidence:
@@ -216,7 +218,8 @@ def _bent(kind: str, settings: FilterSettings, chosen: Filter) -> Filter:
 def _begun(kind: str, settings: FilterSettings, chosen: Filter, xi: float) -> Filter:
     """A filter with its mirror image, where there is one, after a first fix."""
     if settings.plane and not settings.tells_ranges:
-        chosen = MirrorImages(chosen, settings)
+        blocks = sharing_of(kind, settings).blocks
+        chosen = MirrorImages(chosen, settings, sum(map(packed_size, blocks)) // 2)
     if not settings.first_fix:
         return chosen
     alone = replace(settings, says_status=False, reacquires=0, supposes=False, cut_off=0, lasting=False)

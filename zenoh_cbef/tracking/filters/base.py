@@ -33,10 +33,14 @@ class Bias:
         """One that is the same at any distance, and relied on."""
         return cls(value, std, np.ones(len(value)), np.zeros(len(value)))
 
-    def taken_off(self, ranges: Floats, distance: Floats) -> Floats:
-        """Ranges (n,), m, wherever they were measured, without it; distance: of the target where it was estimated."""
+    def taken_off(self, ranges: Floats, distance: Floats, most: float = np.inf) -> Floats:
+        """Ranges (n,), m, wherever they were measured, without it; distance: of the target where it was estimated.
+
+        most: from what size on it is beyond belief, m, so that ranges are left as they are.
+        """
         constant = self.value - self.share * distance
-        return (ranges - self.weight * constant) / (1.0 + self.weight * self.share)
+        without = (ranges - self.weight * constant) / (1.0 + self.weight * self.share)
+        return np.where(np.abs(constant) > most, ranges, without)
 
 
 @dataclass(frozen=True)

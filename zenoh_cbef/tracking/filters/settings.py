@@ -16,6 +16,9 @@ from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Space
 from zenoh_cbef.tracking.switching import Switching
 
+UNLIKELY = 4.0
+"""How many of its prior standard deviations a bias is off that explains nothing."""
+
 
 @dataclass(frozen=True)
 class FilterSettings:
@@ -57,6 +60,8 @@ class FilterSettings:
     """A point of the plane that agents are near, and its normal; None: near none, or mirror images are no matter."""
     crosses: bool = False
     """Whether target and mirror image are told apart anew where the target crosses that plane, and by more ranges."""
+    blends: bool = False
+    """Whether a mirror image that ranges deny begins anew, and one place that may be two is their mixture."""
 
     # How the target moves.
     models: tuple[Motion, ...] = ()
@@ -143,6 +148,9 @@ class FilterSettings:
     """Whether it weighs a share by which all ranges are too long so, too."""
     presumes_biases: bool = False
     """Whether it presumes a bias where errors do not last, and believes what these cannot gain (see `Evidence`)."""
+    opens_biases: bool = False
+    """Whether it claims a mixture of both until it is known whether errors last, and another fix forgets a bias that is
+    beyond belief."""
 
     # The first fix, by least squares on the first ranges.
     first_fix: int = 0
@@ -225,6 +233,11 @@ class FilterSettings:
     def silence(self) -> int:
         """After how many steps without a range an agent no longer hears the target: three intervals; 0: never."""
         return 3 * self.sudden
+
+    @property
+    def most_bias(self) -> float:
+        """From what size on a bias is beyond belief, m."""
+        return UNLIKELY * float(np.hypot(self.common_bias_std, self.own_bias_std)) if self.opens_biases else np.inf
 
     @property
     def proves_sides(self) -> bool:

@@ -70,7 +70,7 @@ class AutoBias:
         # Averages times n are the network's sums. Accelerated averaging may leave a count a little below zero.
         new = self.network_size * np.maximum(payload[:, sums_at:], self.evidence.least)
         sums = np.exp(-new[:, 2:3] / MEMORY) * update.kept[0] + new
-        weight = self.evidence.weight(sums)
+        weight = self.evidence.claimed(sums, self.network_size)
         return Belief(
             *mixed(plain, biased, weight),
             _mixed_bias(plain, biased, weight),

@@ -38,6 +38,14 @@ _PRESUMED = 0.01
 _FOLLOWED, _FOLLOWED_BEFORE = 0.02, 0.1
 """Least share of that gain of which errors that last are taken to be the reason, and by rules up to the 23rd."""
 
+_HALF = 0.5
+"""The weight of a bias of which nothing is known."""
+
+_UNKNOWN, _SHARERS = (40.0, 80.0), 20
+"""How many ranges of each agent leave half open, and none, whether errors last; of at most so many agents, as the
+network remembers no more.
+"""
+
 _SMALL = 0.02
 """With which cost the ranges begin that the weighing begins with, so that they hide no such ratio for long."""
 
@@ -68,6 +76,12 @@ class Evidence:
 
         weight = max(step(q_0 - q_1 + s + 0.01 C; 0.25, 0.45), step(C ln(q_0/q_1) + s; 1, 1.25))
 
+    With `opens` agents that do not know yet whether errors last leave open whether there is a bias: the weight of the
+    biased filter is a half at least, of a mixture that claims both, until each agent has had some tens of ranges, and
+    unless the bias makes these less likely.
+
+        weight = max(the same, (1 - step(ranges/min(n, 20); 40, 80)) (1 - step(q_1 - q_0 - s; 0.25, 0.45))/2)
+
     Without likelihoods, as in version 0.2.0, l_0 and l_1 are the cut squares alone, and a plain filter is kept as long
     as its mean is plausible for the noise that was given, which hides a bias where that is overstated:
 
@@ -92,6 +106,7 @@ class Evidence:
     squares: bool = False
     lasting: bool = False
     presumes: bool = False
+    opens: bool = False
 
     @property
     def _free(self) -> bool:
@@ -155,8 +170,18 @@ class Evidence:
         """What a range gains by following errors of which each has such a correlation with those before it."""
         return np.clip(-np.log(1.0 - alike**2), _FOLLOWED if self.presumes else _FOLLOWED_BEFORE, 1.0)
 
+    def claimed(self, sums: Floats, agents: int) -> Floats:
+        """Weight of the biased filter in what agents claim, (...); so many share the sums."""
+        weight = self.weight(sums)
+        if not (self._free and self.opens):
+            return weight
+        plain, biased, spreads = (sums[..., one] / sums[..., 2] for one in (0, 1, 4))
+        against = step(biased - plain - spreads, *_GAIN)
+        unknown = 1.0 - step(sums[..., 2] / min(agents, _SHARERS), *_UNKNOWN)
+        return np.maximum(weight, _HALF * unknown * (1.0 - against))
+
     def weight(self, sums: Floats) -> Floats:
-        """Weight of the biased filter, (...)."""
+        """Weight of the biased filter by what ranges say, (...)."""
         plain, biased = sums[..., 0] / sums[..., 2], sums[..., 1] / sums[..., 2]
         if self._free:
             counts, spreads = sums[..., 3] / sums[..., 2], sums[..., 4] / sums[..., 2]

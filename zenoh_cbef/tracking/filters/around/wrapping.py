@@ -34,6 +34,11 @@ def resumed(chosen: Filter, belief: Belief) -> Belief:
     return chosen.resumed(belief) if isinstance(chosen, Wrapping | ToldRanges) else belief
 
 
+def inner_of(chosen: Filter) -> Filter:
+    """The filter to which the parts of a belief of `chosen` belong; its own are of filters as it is one."""
+    return chosen.filter if isinstance(chosen, Wrapping) else chosen
+
+
 def denied(around: Filter, belief: Belief) -> Bools:
     """Of which agents (n,) the ranges that they tell each other deny the place."""
     while isinstance(around, Wrapping) and belief.parts:

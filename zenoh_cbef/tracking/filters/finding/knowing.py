@@ -15,13 +15,10 @@ from zenoh_cbef.tracking.filters.around.wrapping import Wrapping, denied
 from zenoh_cbef.tracking.filters.base import Belief, Bias, Update
 from zenoh_cbef.tracking.filters.information_form import unchanged
 from zenoh_cbef.tracking.filters.models.contending import apart
-from zenoh_cbef.tracking.filters.settings import FilterSettings
+from zenoh_cbef.tracking.filters.settings import UNLIKELY, FilterSettings
 from zenoh_cbef.tracking.linalg import leading_trace
 from zenoh_cbef.tracking.ranging import Measurement, own_range
 from zenoh_cbef.tracking.status import ACQUIRING, COASTING, CUT, LOST, TRACKING, WRONG, Status, most_misfit, wrong_among
-
-_UNLIKELY = 4.0
-"""How many of its prior standard deviations a bias is off that explains nothing."""
 
 
 def former_of(update: Update) -> Status:
@@ -141,7 +138,8 @@ class Knowing(Wrapping):
         if settings.undetermined:
             status = status.told(status.which == TRACKING, ACQUIRING, former, dt)
         if settings.plane:
-            rows = undecided(self.filter, inner) & (status.which != LOST)
+            told = status.which == TRACKING if settings.blends else status.which != LOST
+            rows = undecided(self.filter, inner) & told
             status = status.told(rows, ACQUIRING, former, dt)
         if settings.seeks:
             rows = denied(self.filter, inner) & (status.which == TRACKING)
@@ -155,7 +153,7 @@ class Knowing(Wrapping):
         if settings.scale_std:
             distance, _ = own_range(settings.space, state, measurement.position, measurement.age)
             variance = variance + (settings.scale_std * distance) ** 2
-        return np.asarray(bias.weight * bias.value**2 > _UNLIKELY**2 * variance)
+        return np.asarray(bias.weight * bias.value**2 > UNLIKELY**2 * variance)
 
     @cached_property
     def _wrong(self) -> float:

@@ -27,9 +27,12 @@ def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
     if isinstance(chosen, Recovering):
         return moved(chosen.filter, belief, place)
     if isinstance(chosen, Wrapping):
-        inner = moved(chosen.filter, belief.parts[0], place)
-        memory = (np.zeros_like(belief.memory[0]),) if isinstance(chosen, MirrorImages) else belief.memory
-        return replace(there, memory=memory, parts=(inner, *_images(chosen, belief, place)))
+        places = [place]
+        if isinstance(chosen, MirrorImages):
+            there = replace(there, memory=(np.zeros_like(belief.memory[0]), *belief.memory[1:]))
+            places.append(chosen.mirrored(place))
+        inner = (moved(chosen.filter, *each) for each in zip(belief.parts, places, strict=False))
+        return replace(there, parts=tuple(inner))
     if isinstance(chosen, AutoBias):
         plain, biased = belief.parts
         return replace(there, parts=(moved(chosen.plain, plain, place), moved(chosen.biased, biased, place)))
@@ -41,10 +44,3 @@ def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
         chance, parts = chosen.switching.begun(place.state, place.known_covariance)
         there = replace(there, chance=chance, parts=tuple(Belief(*one) for one in parts))
     return there
-
-
-def _images(chosen: Wrapping, belief: Belief, place: Belief) -> tuple[Belief, ...]:
-    """The part of a filter of mirror images that is on the other side."""
-    if not isinstance(chosen, MirrorImages):
-        return ()
-    return (moved(chosen.filter, belief.parts[1], chosen.mirrored(place)),)

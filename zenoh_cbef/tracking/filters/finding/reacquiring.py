@@ -93,9 +93,9 @@ class Reacquiring(Wrapping):
         if belief.bias is not None:
             # Without the bias of the ranges, as far as it is relied on.
             # In a fix the belief is that, and the bias is of where the filter is; by earlier rules not told apart.
-            where = inner.state if self.settings.proves else belief.state
+            where, most = inner.state if self.settings.proves else belief.state, self.settings.most_bias
             distance, _ = own_range(self.settings.space, where, measurement.position, np.zeros(len(step)))
-            heard = replace(measurement, range=belief.bias.taken_off(measurement.range, distance))
+            heard = replace(measurement, range=belief.bias.taken_off(measurement.range, distance, most))
         if not idle:
             measurement = left_to_a_fix(self.settings, measurement, (search.adrift > 0.0) | search.fixing)
         update = self.filter.update(inner, measurement)

@@ -24,6 +24,7 @@ from zenoh_cbef.tracking.filters.models.mixtures import wider
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.filters.weighing import saturated_precision, saturation
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
+from zenoh_cbef.tracking.mirroring import Plane, mirrored, turned
 from zenoh_cbef.tracking.motion import LinearMotion, beside_constants, linear
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
 
@@ -61,7 +62,7 @@ class BiasedInformation:
 
     range_std: sigma (m). network_size: n. common_std, own_std: priors of c and d_i, m. xi: saturation level in standard
     deviations. power: 1 bounds the pull of an outlier, 2 lets it fall (redescending). widens: see
-    `saturated_precision`. forgetting: see FORGETTING. apart: see `JointBiases`.
+    `saturated_precision`. forgetting: see FORGETTING. apart, most: see `JointBiases`.
     """
 
     motion: LinearMotion
@@ -75,6 +76,7 @@ class BiasedInformation:
     widens: float = 0.0
     forgetting: float = FORGETTING
     apart: bool = False
+    most: float = np.inf
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -97,6 +99,7 @@ class BiasedInformation:
             widens=settings.widens,
             forgetting=forgetting(settings),
             apart=settings.whole_biases,
+            most=settings.most_bias,
         )
 
     @cached_property
@@ -157,12 +160,21 @@ class BiasedInformation:
         )
 
     def moved(self, memory: tuple[Floats, ...], place: Belief) -> tuple[Floats, ...]:
-        """What a belief carries on, at another place; biases stay as they are."""
+        """What a belief carries on, at another place; biases stay as they are, unless they are beyond belief."""
         state, covariance, own, own_variance, cross = (np.array(each) for each in memory)
+        wrong = np.abs(state[:, -1] + own) > self.most
+        state[wrong, -1], covariance[wrong, -1, -1] = 0.0, self.common_std**2
+        own[wrong], own_variance[wrong], cross[wrong] = 0.0, self.own_std**2, 0.0
         state[:, :-1], cross[:, :-1] = place.state, 0.0
         covariance[:, :-1] = covariance[:, :, :-1] = 0.0
         covariance[:, :-1, :-1] = place.known_covariance
         return state, covariance, own, own_variance, cross
+
+    def mirrored(self, memory: tuple[Floats, ...], plane: Plane) -> tuple[Floats, ...]:
+        """The mirror image of what a belief carries on; biases stay as they are."""
+        state, covariance, own, own_variance, cross = memory
+        image, spread = mirrored(state, covariance, plane)
+        return image, spread, own, own_variance, turned(cross, plane)
 
     def widened(self, memory: tuple[Floats, ...], factor: Floats) -> tuple[Floats, ...]:
         """The same with the covariance of all but biases multiplied by factors (n,)."""

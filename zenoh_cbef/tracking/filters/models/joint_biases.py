@@ -25,6 +25,7 @@ from zenoh_cbef.tracking.filters.rows import Rows
 from zenoh_cbef.tracking.filters.settings import FilterSettings
 from zenoh_cbef.tracking.filters.weighing import weigh
 from zenoh_cbef.tracking.linalg import inverse, matvec, outer
+from zenoh_cbef.tracking.mirroring import Plane, mirrored
 from zenoh_cbef.tracking.motion import LinearMotion, beside_constants, linear
 from zenoh_cbef.tracking.outliers import Errors
 from zenoh_cbef.tracking.ranging import Measurement, Space, own_range
@@ -67,7 +68,8 @@ class JointBiases:
 
     range_std: sigma (m). network_size: n. own_std, common_std: beta and gamma, m. xi: saturation level in standard
     deviations. power, widens, outliers: as in sicf. scale_std: 0 where ranges have no share in common. apart: whether
-    a target that may be elsewhere says nothing of biases; by earlier rules their correlations with it stayed.
+    a target that may be elsewhere says nothing of biases; by earlier rules their correlations with it stayed. most:
+    from what size on a bias is beyond belief, m, so that another fix forgets all.
     """
 
     motion: LinearMotion
@@ -82,6 +84,7 @@ class JointBiases:
     common_std: float = 0.0
     scale_std: float = 0.0
     apart: bool = False
+    most: float = np.inf
 
     @classmethod
     def sharing(cls, settings: FilterSettings) -> Sharing:
@@ -105,6 +108,7 @@ class JointBiases:
             common_std=settings.common_bias_std,
             scale_std=settings.scale_std,
             apart=settings.whole_biases,
+            most=settings.most_bias,
         )
 
     @property
@@ -203,8 +207,16 @@ class JointBiases:
         return prior
 
     def moved(self, memory: tuple[Floats, ...], place: Belief) -> tuple[Floats, ...]:
-        """What a belief carries on, at another place; biases stay as they are."""
-        return *elsewhere((memory[0], memory[1]), place), np.array(memory[2])
+        """What a belief carries on, at another place; biases stay as they are, unless one is beyond belief."""
+        state, covariance = elsewhere((memory[0], memory[1]), place)
+        size, count = self.motion.size, self.network_size
+        wrong = (np.abs(state[:, size : size + count]) > self.most).any(axis=1)
+        state[wrong, size:], covariance[wrong, size:, size:] = 0.0, self._prior
+        return state, covariance, np.array(memory[2])
+
+    def mirrored(self, memory: tuple[Floats, ...], plane: Plane) -> tuple[Floats, ...]:
+        """The mirror image of what a belief carries on; biases stay as they are."""
+        return *mirrored(memory[0], memory[1], plane), memory[2]
 
     def widened(self, memory: tuple[Floats, ...], factor: Floats) -> tuple[Floats, ...]:
         """The same with the covariance of the target multiplied by factors (n,)."""
