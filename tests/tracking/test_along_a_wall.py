@@ -12,7 +12,9 @@ from zenoh_cbef.tracking.copying import replace
 from zenoh_cbef.tracking.filters import make_filter
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages, _image
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
-from zenoh_cbef.tracking.filters.base import Belief
+from zenoh_cbef.tracking.filters.base import Belief, Bias
+from zenoh_cbef.tracking.filters.finding.reacquiring import Reacquiring
+from zenoh_cbef.tracking.filters.finding.search import Search
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
 from zenoh_cbef.tracking.linalg import inverse, matvec, pack_upper
@@ -101,13 +103,18 @@ def test_where_anchors_are_along_a_wall(tmp_path, anchors, more, near):
     assert (blocks[:half] == blocks[half:]) is near
 
 
+def inside(folder, sort, *more):
+    """The filter of a sort that stands in an agent's."""
+    found = make_filter("sicf", Plan(scenario_of(folder, "dt=0.1", *PLANE, *more)).settings)
+    while isinstance(found, Wrapping) and not isinstance(found, sort):
+        found = found.filter
+    assert isinstance(found, sort)
+    return found
+
+
 def filter_of(folder, *more):
     """The filter of mirror images that stands in an agent's."""
-    found = make_filter("sicf", Plan(scenario_of(folder, "dt=0.1", *PLANE, *more)).settings)
-    while isinstance(found, Wrapping) and not isinstance(found, MirrorImages):
-        found = found.filter
-    assert isinstance(found, MirrorImages)
-    return found
+    return inside(folder, MirrorImages, *more)
 
 
 def begun(count, offset=0.0):
@@ -138,9 +145,35 @@ def test_information_of_both_filters_stands_before_their_other_numbers(walls):
     assert 0 < information < first.payload.shape[1]
     np.testing.assert_array_equal(update.payload[:, :information], first.payload[:, :information])
     np.testing.assert_array_equal(update.payload[:, information : 2 * information], second.payload[:, :information])
-    belief = chosen.conclude(update.payload, update)
-    for part, own in zip(belief.parts, (first, second), strict=True):
-        np.testing.assert_allclose(part.state, chosen.filter.conclude(own.payload, own).state)
+    # Numbers behind the information that tell whose they are.
+    told = update.payload.copy()
+    here, there = (one.payload[:, information:] + more for one, more in ((first, 0.25), (second, 0.5)))
+    told[:, 2 * information : -1], told[:, -1] = np.concatenate([here, there], axis=1), 0.0
+    belief = chosen.conclude(told, update)
+    for part, own, rest in zip(belief.parts, (first, second), (here, there), strict=True):
+        alone = chosen.filter.conclude(np.concatenate([own.payload[:, :information], rest], axis=1), own)
+        np.testing.assert_allclose(part.state, alone.state)
+        for one, other in zip(carried(part), carried(alone), strict=True):
+            np.testing.assert_allclose(one, other)
+
+
+def carried(belief):
+    """All that a belief carries on beside its state, in its parts, too."""
+    return [*belief.memory, *(one for part in belief.parts for one in carried(part))]
+
+
+def test_agents_count_the_steps_in_which_the_network_has_no_range(walls):
+    chosen = filter_of(walls[0])
+    belief = sure()
+    heard = measured(belief.state)
+    silent = replace(heard, range=np.full(len(WALL), np.nan))
+    counts = []
+    for measurement in (heard, silent, silent, heard):
+        update = chosen.update(belief, measurement)
+        mean = np.repeat(update.payload.mean(axis=0)[None], len(WALL), axis=0)
+        belief = chosen.conclude(mean, update)
+        counts.append(belief.memory[1].tolist())
+    assert counts == [[k] * len(WALL) for k in (0.0, 1.0, 2.0, 0.0)]
 
 
 @pytest.mark.parametrize("joint", [True, False])
@@ -154,6 +187,9 @@ def test_the_image_of_a_belief_with_biases_is_that_of_the_same_ranges(walls, joi
         belief = chosen.conclude(update.payload, update)
     image = _image(chosen, belief, images.settings.plane)
     assert np.abs(image.state - belief.state).max() > 0.1
+    np.testing.assert_allclose(image.memory[0][:, :4], image.state)
+    np.testing.assert_allclose(image.memory[1][:, :4, :4], image.known_covariance)
+    np.testing.assert_array_equal(image.memory[0][:, 4:], belief.memory[0][:, 4:])
     again = _image(chosen, image, images.settings.plane)
     for one, other in zip((again.state, *again.memory), (belief.state, *belief.memory), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-12)
@@ -204,3 +240,14 @@ def test_a_liar_displaces_what_it_says_of_both_sides(walls):
     for place in (0, told.shape[1]):
         vector = lie[:, place : place + 4]
         np.testing.assert_allclose(matvec(inverse(matrix), vector), [[3.0, 0.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(("bias", "taken"), [(0.5, 0.5), (500.0, 0.0)])
+def test_agents_keep_ranges_for_a_fix_without_a_bias_unless_it_is_beyond_belief(walls, bias, taken):
+    searching = inside(walls[0], Reacquiring)
+    heard = measured(begun(len(WALL)).state)
+    update = searching.update(begun(len(WALL)), heard)
+    belief = searching.conclude(np.repeat(update.payload.mean(axis=0)[None], len(WALL), axis=0), update)
+    belief = replace(belief, bias=Bias.constant(np.full(len(WALL), bias), np.ones(len(WALL))))
+    kept = Search(*searching.update(belief, heard).kept)
+    np.testing.assert_allclose(kept.ranges[:, -1], heard.range - taken)
