@@ -13,13 +13,14 @@ from zenoh_cbef.tracking.filters import make_filter
 from zenoh_cbef.tracking.filters.around.mirror_images import MirrorImages, _image
 from zenoh_cbef.tracking.filters.around.wrapping import Wrapping
 from zenoh_cbef.tracking.filters.base import Belief, Bias
+from zenoh_cbef.tracking.filters.finding.knowing import Knowing
 from zenoh_cbef.tracking.filters.finding.reacquiring import Reacquiring
 from zenoh_cbef.tracking.filters.finding.search import Search
 from zenoh_cbef.tracking.filters.models.biased_information import BiasedInformation
 from zenoh_cbef.tracking.filters.models.joint_biases import JointBiases
 from zenoh_cbef.tracking.linalg import inverse, matvec, pack_upper
 from zenoh_cbef.tracking.ranging import Measurement, no_neighbours
-from zenoh_cbef.tracking.status import COASTING, TRACKING
+from zenoh_cbef.tracking.status import ACQUIRING, COASTING, LOST, TRACKING, Status
 
 WALL = [(-6, 0.4, 2), (-3, -0.5, 2), (0, 0.3, 2), (3, -0.4, 2), (6, 0.2, 2)]
 PLANE = ("filter.range_std=0.1", "filter.planar_height=2")
@@ -251,3 +252,16 @@ def test_agents_keep_ranges_for_a_fix_without_a_bias_unless_it_is_beyond_belief(
     belief = replace(belief, bias=Bias.constant(np.full(len(WALL), bias), np.ones(len(WALL))))
     kept = Search(*searching.update(belief, heard).kept)
     np.testing.assert_allclose(kept.ranges[:, -1], heard.range - taken)
+
+
+def test_agents_that_know_no_side_acquire_in_place_of_tracking_and_coast_as_before(walls):
+    knowing, images = inside(walls[0], Knowing), filter_of(walls[0])
+    sides = (replace(sure(), state=sure().state + shift) for shift in (0.0, 30.0))
+    belief = images.joined(*sides, np.zeros(len(WALL)), np.zeros(len(WALL)))
+    around = knowing.filter
+    while isinstance(around, Wrapping) and not isinstance(around, MirrorImages):
+        belief, around = Belief(belief.state, belief.covariance, parts=(belief,)), around.filter
+    first, every = Status.first(len(WALL)), np.ones(len(WALL), dtype=bool)
+    for which, wanted in ((TRACKING, ACQUIRING), (COASTING, COASTING), (LOST, LOST)):
+        said = first.told(every, which, first, 0.1)
+        assert (knowing.undecided(said, first, belief).which == wanted).all()

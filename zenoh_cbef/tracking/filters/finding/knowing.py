@@ -128,11 +128,11 @@ class Knowing(Wrapping):
         if off.any():
             which = np.where(former.which == ACQUIRING, ACQUIRING, COASTING)
             status = status.told(off & (status.which == TRACKING), which, former, dt)
-        status = self._undecided(status, former, inner)
+        status = self.undecided(status, former, inner)
         memory = hearers.memory(hearing, former.unheard < settings.hearing) if settings.hearing else ()
         return Belief(inner.state, inner.covariance, inner.bias, memory, (inner,), status, excess=inner.excess)
 
-    def _undecided(self, status: Status, former: Status, inner: Belief) -> Status:
+    def undecided(self, status: Status, former: Status, inner: Belief) -> Status:
         """What agents say that do not know which of several places the target is at. former: a step ago."""
         settings, dt = self.settings, self.settings.motion.dt
         if settings.undetermined:
