@@ -196,8 +196,8 @@ def _biased(settings: FilterSettings, plain: Filter, xi: float) -> Filter:
 def _of_biases(settings: FilterSettings) -> Evidence:
     """What decides whether to rely on biases."""
     lasting, presumes = settings.weighs_lasting, settings.presumes_biases
-    weighs = Evidence(settings.likelihoods, settings.recorded, lasting=lasting, presumes=presumes)
-    return replace(weighs, opens=settings.opens_biases)
+    how = {"lasting": lasting, "presumes": presumes, "opens": settings.opens_biases}
+    return Evidence(settings.likelihoods, settings.recorded, **how)
 
 
 def _of_shares(settings: FilterSettings) -> Evidence:

@@ -149,8 +149,9 @@ class FilterSettings:
     presumes_biases: bool = False
     """Whether it presumes a bias where errors do not last, and believes what these cannot gain (see `Evidence`)."""
     opens_biases: bool = False
-    """Whether it claims a mixture of both until it is known whether errors last, and another fix forgets a bias that is
-    beyond belief."""
+    """Whether it claims a mixture of both until it is known whether errors last."""
+    forgets_biases: bool = False
+    """Whether another fix forgets biases that are beyond belief."""
 
     # The first fix, by least squares on the first ranges.
     first_fix: int = 0
@@ -236,8 +237,8 @@ class FilterSettings:
 
     @property
     def most_bias(self) -> float:
-        """From what size on a bias is beyond belief, m."""
-        return UNLIKELY * float(np.hypot(self.common_bias_std, self.own_bias_std)) if self.opens_biases else np.inf
+        """From what size on a bias is beyond belief, m; by earlier rules, and of emulated ranges, none is."""
+        return UNLIKELY * float(np.hypot(self.common_bias_std, self.own_bias_std)) if self.forgets_biases else np.inf
 
     @property
     def proves_sides(self) -> bool:

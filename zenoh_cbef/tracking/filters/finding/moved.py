@@ -20,8 +20,8 @@ from zenoh_cbef.tracking.filters.models.told_ranges import ToldRanges
 def moved(chosen: Filter, belief: Belief, place: Belief) -> Belief:
     """A belief of `chosen` with the state and covariance of another one.
 
-    Biases, learned noise, distrust, and how far biases are relied on stay; motions, and mirror images, are as
-    likely as at the start.
+    Biases (but such as are beyond belief), learned noise, distrust, and how far biases are relied on stay; motions, and
+    mirror images, are as likely as at the start.
     """
     there = replace(belief, state=place.state, covariance=place.covariance)
     if isinstance(chosen, Recovering):
