@@ -72,7 +72,7 @@ def test_so_do_agents_that_estimate_all_together():
 
 def test_only_biases_of_real_ranges_are_beyond_belief():
     for keys, most in (
-        (("lawnmower",), 4.0 * np.hypot(1.5, 0.2) * 1.5),
+        (("lawnmower",), 4.0 * np.linalg.norm([1.5 * 1.5, 0.2 * 1.5, 0.05 * 47.6135])),
         (("lawnmower", "filter.defaults=28"), np.inf),
         (("tracking", "sensor.bias_std=1"), np.inf),
     ):

@@ -214,7 +214,7 @@ class Filtering(Meant):
             weighs_shares=chosen.defaults > 15,
             presumes_biases=trust.lasts(scenario) and chosen.defaults > 23,
             opens_biases=trust.lasts(scenario) and chosen.defaults > 28,
-            forgets_biases=trust.real(scenario) and chosen.defaults > 28,
+            most_bias=start.most_bias(scenario, self.range_std, joint=joint) if biased else float("inf"),
             common_bias_std=trust.common_bias_std(scenario, self.range_std, joint=joint),
             own_bias_std=trust.own_bias_std(scenario, self.range_std),
             scale_std=trust.scale_std(scenario) if joint else 0.0,

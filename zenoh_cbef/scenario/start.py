@@ -15,6 +15,7 @@ from zenoh_cbef.scenario.model import Scenario
 from zenoh_cbef.scenario.world import target_start
 from zenoh_cbef.tracking.filters import abilities_of
 from zenoh_cbef.tracking.filters.damping import Damping
+from zenoh_cbef.tracking.filters.settings import UNLIKELY
 from zenoh_cbef.tracking.motion import Motion, begun
 from zenoh_cbef.tracking.ranging import Space
 
@@ -278,3 +279,15 @@ def initial_states(scenario: Scenario) -> Floats:
     if chosen.planar_height is not None:
         derived[:, 2], derived[:, 5] = chosen.planar_height, 0.0
     return derived
+
+
+def most_bias(scenario: Scenario, range_std: float, *, joint: bool) -> float:
+    """From what size on a bias of real ranges is beyond belief, m: as in a status, with the share over half of the box.
+
+    range_std: m. joint: whether agents estimate all biases together, and a share.
+    """
+    if scenario.filter.defaults < 29 or not trust.real(scenario):
+        return np.inf
+    share = trust.scale_std(scenario) * half_box(scenario) if joint else 0.0
+    common = trust.common_bias_std(scenario, range_std, joint=joint)
+    return UNLIKELY * float(np.linalg.norm([common, trust.own_bias_std(scenario, range_std), share]))

@@ -150,8 +150,8 @@ class FilterSettings:
     """Whether it presumes a bias where errors do not last, and believes what these cannot gain (see `Evidence`)."""
     opens_biases: bool = False
     """Whether it claims a mixture of both until it is known whether errors last."""
-    forgets_biases: bool = False
-    """Whether another fix forgets biases that are beyond belief."""
+    most_bias: float = np.inf
+    """From what size on a bias is beyond belief, m, so that another fix forgets all."""
 
     # The first fix, by least squares on the first ranges.
     first_fix: int = 0
@@ -234,11 +234,6 @@ class FilterSettings:
     def silence(self) -> int:
         """After how many steps without a range an agent no longer hears the target: three intervals; 0: never."""
         return 3 * self.sudden
-
-    @property
-    def most_bias(self) -> float:
-        """From what size on a bias is beyond belief, m; by earlier rules, and of emulated ranges, none is."""
-        return UNLIKELY * float(np.hypot(self.common_bias_std, self.own_bias_std)) if self.forgets_biases else np.inf
 
     @property
     def proves_sides(self) -> bool:
